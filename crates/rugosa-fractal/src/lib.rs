@@ -1,0 +1,3 @@
+//! Fractal roughness, reconstruction and surfaces of natural terrain
+#![no_std]
+#![forbid(unsafe_code)]

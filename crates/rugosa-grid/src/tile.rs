@@ -1,0 +1,116 @@
+//! Tiles: squares of 8 × 8 cells, aligned to absolute addresses.
+//!
+//! Tile (i, j) covers the cells `8 i … 8 i + 7` × `8 j … 8 j + 7`, wherever the window
+//! stands. A window of 8 k + 1 cells touches exactly k + 1 tiles per axis at every
+//! position, so the tiles live in a ring of their own.
+
+use crate::window::{Cell, Window};
+
+/// Cells per edge of a tile.
+pub const TILE: i32 = 8;
+
+/// Absolute address of a tile.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Tile {
+    /// column of tiles
+    pub x: i32,
+    /// row of tiles
+    pub y: i32,
+}
+
+impl Tile {
+    /// The tile (x, y).
+    pub const fn new(x: i32, y: i32) -> Self {
+        Tile { x, y }
+    }
+
+    /// The tile that holds a cell.
+    #[inline]
+    pub const fn of(cell: Cell) -> Self {
+        Tile::new(cell.x.div_euclid(TILE), cell.y.div_euclid(TILE))
+    }
+
+    /// Its lowest cell.
+    pub const fn origin(self) -> Cell {
+        Cell::new(self.x * TILE, self.y * TILE)
+    }
+
+    /// Its 64 cells, row by row, whether the window holds them or not.
+    pub fn cells(self) -> impl Iterator<Item = Cell> {
+        let origin = self.origin();
+        (0..TILE * TILE).map(move |i| origin.offset(i % TILE, i / TILE))
+    }
+}
+
+/// The square of tiles that a window touches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Tiles(Window);
+
+impl Tiles {
+    /// Tiles per axis for a window of `side` = 8 k + 1 cells: k + 1.
+    pub const fn per_side(side: usize) -> usize {
+        (side - 1) / TILE as usize + 1
+    }
+
+    /// The tiles that `window` touches.
+    pub fn of(window: &Window) -> Self {
+        let origin = Tile::of(window.origin());
+        let side = Tiles::per_side(window.side());
+        Tiles(Window::new(side, Cell::new(origin.x, origin.y)))
+    }
+
+    /// Tiles in all.
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Never.
+    pub fn is_empty(&self) -> bool {
+        false
+    }
+
+    /// Tiles per axis.
+    pub fn side(&self) -> usize {
+        self.0.side()
+    }
+
+    /// The lowest tile.
+    pub fn origin(&self) -> Tile {
+        Tile::new(self.0.origin().x, self.0.origin().y)
+    }
+
+    /// Where this tile lives in a plane of `side²` elements; `None` outside.
+    #[inline]
+    pub fn slot(&self, tile: Tile) -> Option<usize> {
+        self.0.slot(Cell::new(tile.x, tile.y))
+    }
+
+    /// All tiles, row by row from the south-west corner.
+    pub fn tiles(&self) -> impl Iterator<Item = Tile> + use<> {
+        self.0.cells().map(|c| Tile::new(c.x, c.y))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_window_touches_k_plus_one_tiles_everywhere() {
+        for shift in -20..20 {
+            let window = Window::new(65, Cell::new(shift, -3 * shift));
+            let tiles = Tiles::of(&window);
+            assert_eq!(tiles.len(), 81);
+            for cell in window.cells() {
+                assert!(tiles.slot(Tile::of(cell)).is_some());
+            }
+        }
+    }
+
+    #[test]
+    fn negative_cells_belong_to_negative_tiles() {
+        assert_eq!(Tile::of(Cell::new(-1, -8)), Tile::new(-1, -1));
+        assert_eq!(Tile::of(Cell::new(-9, 7)), Tile::new(-2, 0));
+        assert!(Tile::new(-2, 0).cells().all(|c| Tile::of(c) == Tile::new(-2, 0)));
+    }
+}

@@ -1,0 +1,219 @@
+//! Cells on the map plane and the square window of them that is kept in memory.
+//!
+//! A cell is half-open: cell (x, y) covers `[x, x + 1) × [y, y + 1)` resolutions, its
+//! index is `floor(p / resolution)` and its centre lies at index + 0.5. The map frame's
+//! origin is the corner of cell (0, 0); there is no other anchor, so a cell has one
+//! address for ever ("absolute address"), however the window moves.
+//!
+//! The window keeps `side × side` cells in a ring: the cell (x, y) always lives in the
+//! slot (x mod side, y mod side). Slots never leave the modules that own a plane of
+//! cells; everybody else speaks of [`Cell`]s.
+//!
+//! Cost: a slot is two subtractions, two comparisons and a multiplication.
+
+use crate::math;
+
+/// Absolute address of a cell: column `x` to the east, row `y` to the north.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Cell {
+    /// column, growing with the map's x
+    pub x: i32,
+    /// row, growing with the map's y
+    pub y: i32,
+}
+
+impl Cell {
+    /// The cell (x, y).
+    pub const fn new(x: i32, y: i32) -> Self {
+        Cell { x, y }
+    }
+
+    /// The cell `dx` columns and `dy` rows further; wraps at the ends of the integers.
+    pub const fn offset(self, dx: i32, dy: i32) -> Self {
+        Cell::new(self.x.wrapping_add(dx), self.y.wrapping_add(dy))
+    }
+}
+
+/// Metres ↔ cells.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lattice {
+    resolution: f32,
+    per_metre: f32,
+}
+
+impl Lattice {
+    /// Cells with an edge of `resolution` metres (positive and finite).
+    pub fn new(resolution: f32) -> Self {
+        Lattice {
+            resolution,
+            per_metre: 1.0 / resolution,
+        }
+    }
+
+    /// Cell edge \[m\].
+    pub fn resolution(&self) -> f32 {
+        self.resolution
+    }
+
+    /// The cell that holds the point (x, y) \[m\] and the point's offset from the
+    /// cell's centre, in cells, in \[−0.5, 0.5\].
+    #[inline]
+    pub fn locate(&self, x: f32, y: f32) -> (Cell, f32, f32) {
+        let (cx, cy) = (x * self.per_metre, y * self.per_metre);
+        let cell = Cell::new(math::floor_index(cx), math::floor_index(cy));
+        (cell, cx - cell.x as f32 - 0.5, cy - cell.y as f32 - 0.5)
+    }
+
+    /// Centre of a cell \[m\].
+    pub fn centre(&self, cell: Cell) -> (f32, f32) {
+        (
+            (cell.x as f32 + 0.5) * self.resolution,
+            (cell.y as f32 + 0.5) * self.resolution,
+        )
+    }
+}
+
+/// A square of cells in a ring buffer.
+///
+/// `side` is 2^k + 1 with 33 ≤ side ≤ 1025 where the pyramid is wanted; the window
+/// itself takes any side of the form 8 k + 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Window {
+    side: i32,
+    origin: Cell,
+    start: Cell,
+}
+
+impl Window {
+    /// A window whose lowest cell (least x, least y) is `origin`.
+    pub fn new(side: usize, origin: Cell) -> Self {
+        let side = side as i32;
+        let start = Cell::new(origin.x.rem_euclid(side), origin.y.rem_euclid(side));
+        Window {
+            side,
+            origin,
+            start,
+        }
+    }
+
+    /// A window with `centre` in its middle.
+    pub fn around(side: usize, centre: Cell) -> Self {
+        let half = (side / 2) as i32;
+        Window::new(side, centre.offset(-half, -half))
+    }
+
+    /// Cells per edge.
+    pub fn side(&self) -> usize {
+        self.side as usize
+    }
+
+    /// Cells in all.
+    pub fn len(&self) -> usize {
+        self.side() * self.side()
+    }
+
+    /// Never: a window holds at least one cell.
+    pub fn is_empty(&self) -> bool {
+        false
+    }
+
+    /// The lowest cell.
+    pub fn origin(&self) -> Cell {
+        self.origin
+    }
+
+    /// The cell in the middle.
+    pub fn centre(&self) -> Cell {
+        self.origin.offset(self.side / 2, self.side / 2)
+    }
+
+    /// Does the window hold this cell?
+    #[inline]
+    pub fn contains(&self, cell: Cell) -> bool {
+        (cell.x.wrapping_sub(self.origin.x) as u32) < self.side as u32
+            && (cell.y.wrapping_sub(self.origin.y) as u32) < self.side as u32
+    }
+
+    /// Where this cell lives in a plane of `side²` elements; `None` outside the window.
+    #[inline]
+    pub fn slot(&self, cell: Cell) -> Option<usize> {
+        let column = cell.x.wrapping_sub(self.origin.x);
+        let row = cell.y.wrapping_sub(self.origin.y);
+        if column as u32 >= self.side as u32 || row as u32 >= self.side as u32 {
+            return None;
+        }
+        let x = wrap(column + self.start.x, self.side);
+        let y = wrap(row + self.start.y, self.side);
+        Some((y * self.side + x) as usize)
+    }
+
+    /// All cells, row by row from the south-west corner, x fastest.
+    pub fn cells(&self) -> impl Iterator<Item = Cell> + use<> {
+        let (origin, side) = (self.origin, self.side);
+        (0..side * side).map(move |i| origin.offset(i % side, i / side))
+    }
+
+    /// The cells of this window that `next` does not hold: what a move leaves behind.
+    /// Same order as [`Window::cells`].
+    pub fn leaving(&self, next: &Window) -> impl Iterator<Item = Cell> + use<> {
+        let next = *next;
+        self.cells().filter(move |&cell| !next.contains(cell))
+    }
+}
+
+#[inline]
+fn wrap(i: i32, side: i32) -> i32 {
+    if i >= side { i - side } else { i }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_cell_keeps_its_slot_wherever_the_window_goes(
+            x in -5000..5000i32, y in -5000..5000i32, dx in -64..65i32, dy in -64..65i32
+        ) {
+            let side = 65;
+            let cell = Cell::new(x, y);
+            let a = Window::around(side, cell);
+            let b = Window::around(side, cell.offset(dx / 2, dy / 2));
+            prop_assert_eq!(a.slot(cell), b.slot(cell));
+            let expected = y.rem_euclid(65) * 65 + x.rem_euclid(65);
+            prop_assert_eq!(a.slot(cell), Some(expected as usize));
+        }
+
+        #[test]
+        fn a_point_lies_in_its_cell(x in -100f32..100.0, y in -100f32..100.0) {
+            let lattice = Lattice::new(0.1);
+            let (cell, ex, ey) = lattice.locate(x, y);
+            let (cx, cy) = lattice.centre(cell);
+            prop_assert!((cx + ex * 0.1 - x).abs() < 2e-5 && (cy + ey * 0.1 - y).abs() < 2e-5);
+            prop_assert!(ex.abs() <= 0.5 && ey.abs() <= 0.5);
+        }
+    }
+
+    #[test]
+    fn slots_are_a_permutation_after_a_move() {
+        let window = Window::new(33, Cell::new(-7, 100));
+        let mut seen = [false; 33 * 33];
+        for cell in window.cells() {
+            let slot = window.slot(cell).unwrap();
+            assert!(!core::mem::replace(&mut seen[slot], true));
+        }
+        assert!(seen.iter().all(|&s| s));
+        assert_eq!(window.slot(Cell::new(-8, 100)), None);
+        assert_eq!(window.slot(Cell::new(-7, 133)), None);
+    }
+
+    #[test]
+    fn leaving_is_the_set_difference() {
+        let a = Window::new(33, Cell::new(0, 0));
+        let b = Window::new(33, Cell::new(2, -1));
+        assert_eq!(a.leaving(&b).count(), 33 * 33 - 31 * 32);
+        assert!(a.leaving(&b).all(|c| c.x < 2 || c.y > 31));
+        assert_eq!(a.leaving(&a).count(), 0);
+    }
+}

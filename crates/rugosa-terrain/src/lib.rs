@@ -1,0 +1,3 @@
+//! Beams to points to a moving elevation grid
+#![no_std]
+#![forbid(unsafe_code)]

@@ -1,0 +1,358 @@
+//! Messages of the link, in raw device units.
+//!
+//! The order of the variants and of the fields is the wire format (postcard numbers
+//! them); it changes only together with [`crate::PROTOCOL`].
+
+use heapless::{String, Vec};
+use serde::{Deserialize, Serialize};
+
+/// Most returns in one [`ScanLine`]; longer lines are cut into segments.
+pub const MAX_RETURNS: usize = 256;
+/// Most bytes of packed ranges in one line (16 bits per return).
+pub const MAX_RANGE_BYTES: usize = MAX_RETURNS * 2;
+/// Most values in one [`BeamTable`].
+pub const MAX_TABLE: usize = 64;
+/// Most values in one [`Patch`]: one tile of 8 × 8 cells.
+pub const MAX_PATCH: usize = 64;
+/// Most bytes of an [`Message::Echo`].
+pub const MAX_ECHO: usize = 64;
+
+/// Everything that travels over the link.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[allow(clippy::large_enum_variant)]
+pub enum Message {
+    /// who speaks, and which protocol
+    Hello(Hello),
+    /// the scanner's beams and noise
+    Scanner(ScannerDescription),
+    /// angles that are not on a regular raster
+    BeamTable(BeamTable),
+    /// one scan line or a segment of it
+    Line(ScanLine),
+    /// where the body was at one instant
+    Pose(PoseStamp),
+    /// the field of view is covered once
+    SweepEnd(SweepEnd),
+    /// all counters
+    Status(Status),
+    /// values of one layer in one tile
+    Patch(Patch),
+    /// one parameter to be set
+    Configure(Configure),
+    /// the answer to a message that asks for one
+    Ack(Ack),
+    /// the receiver can take `lines` more scan lines
+    Credit(Credit),
+    /// still there
+    Heartbeat(Heartbeat),
+    /// self-test: send these bytes back
+    Echo(Vec<u8, MAX_ECHO>),
+    /// self-test: the answer to an echo
+    EchoReply(Vec<u8, MAX_ECHO>),
+    /// self-test: send `count` messages of kind [`Message::Sink`]
+    Source {
+        /// how many
+        count: u32,
+    },
+    /// self-test: counted and thrown away
+    Sink {
+        /// running number
+        index: u32,
+        /// anything
+        filler: Vec<u8, MAX_ECHO>,
+    },
+    /// send the whole map again (after a restart of the receiver)
+    Refresh,
+    /// start afresh: forget the map and the counters
+    Reset,
+}
+
+/// Greeting; both sides repeat it until they have heard the other's.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Hello {
+    /// version of the protocol, [`crate::PROTOCOL`]
+    pub protocol: u16,
+    /// hash of the message types, [`crate::schema_hash`]
+    pub schema: u32,
+    /// what the sender is
+    pub role: Role,
+    /// name of the device
+    pub device: String<32>,
+    /// version of its software
+    pub version: String<16>,
+    /// bit set of [`capability`]
+    pub capabilities: u32,
+    /// side of the map in cells, 0 where there is none
+    pub map_side: u16,
+    /// map resolution in micrometres, 0 where there is none
+    pub resolution_um: u32,
+}
+
+/// What a peer is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Role {
+    /// sends lines
+    Scanner,
+    /// makes a map of lines
+    Module,
+    /// reads maps, sends configuration
+    Host,
+}
+
+/// Bits of [`Hello::capabilities`].
+pub mod capability {
+    /// makes roughness layers
+    pub const ROUGHNESS: u32 = 1;
+    /// makes a reconstruction
+    pub const RECONSTRUCTION: u32 = 2;
+    /// makes traversability layers
+    pub const TRAVERSABILITY: u32 = 4;
+    /// grants credits
+    pub const FLOW_CONTROL: u32 = 8;
+}
+
+/// Which geometry turns columns, lines and counts into points.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum BeamModel {
+    /// azimuth by column (plus an offset by line), inclination by line
+    Spherical,
+    /// the Perceptron's rotating polygon and nodding mirror; lengths in metres
+    Perceptron {
+        /// mirror offset h1
+        h1_m: f32,
+        /// mirror offset h2
+        h2_m: f32,
+        /// mirror slope γ
+        gamma_urad: i32,
+        /// mirror slope θ
+        theta_urad: i32,
+        /// standoff r0 in counts
+        standoff_counts: f32,
+    },
+}
+
+/// The scanner: raster, units, noise and mounting.
+///
+/// Angles of the raster: azimuth of column c = first + c · step, inclination of line l
+/// likewise, unless a [`BeamTable`] overrides them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ScannerDescription {
+    /// geometry
+    pub model: BeamModel,
+    /// columns of a complete line
+    pub columns: u16,
+    /// lines of a complete sweep
+    pub lines: u16,
+    /// azimuth of column 0 (positive to the left), microradians
+    pub azimuth_first_urad: i32,
+    /// azimuth step per column
+    pub azimuth_step_nrad: i32,
+    /// inclination of line 0 (positive up), microradians
+    pub inclination_first_urad: i32,
+    /// inclination step per line
+    pub inclination_step_nrad: i32,
+    /// tables that follow and must be complete before the first line
+    pub tables: u8,
+    /// length of one range count, metres
+    pub metres_per_count: f32,
+    /// shortest valid range, metres
+    pub range_min_m: f32,
+    /// longest valid range, metres
+    pub range_max_m: f32,
+    /// standard deviation of a range: constant part, metres
+    pub range_noise_m: f32,
+    /// standard deviation of a range: part that grows with it, metres per metre
+    pub range_noise_per_m: f32,
+    /// standard deviation of a beam's direction, microradians
+    pub angle_noise_urad: u32,
+    /// time between the columns of a line, nanoseconds
+    pub column_period_ns: u32,
+    /// time between the lines of a sweep, microseconds
+    pub line_period_us: u32,
+    /// sensor in the body frame: translation, metres
+    pub mount_position_m: [f32; 3],
+    /// sensor in the body frame: unit quaternion (x, y, z, w)
+    pub mount_orientation: [f32; 4],
+}
+
+/// Bits of [`ScannerDescription::tables`], one per [`TableKind`].
+pub mod table_bit {
+    /// inclination by line
+    pub const INCLINATION: u8 = 1;
+    /// azimuth offset by line
+    pub const AZIMUTH_OFFSET: u8 = 2;
+    /// azimuth by column
+    pub const AZIMUTH: u8 = 4;
+}
+
+/// Which table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum TableKind {
+    /// inclination by line
+    Inclination,
+    /// azimuth offset by line, added to the column's azimuth
+    AzimuthOffset,
+    /// azimuth by column
+    Azimuth,
+}
+
+/// A piece of a table of angles.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BeamTable {
+    /// which table
+    pub kind: TableKind,
+    /// line or column of the first value
+    pub first: u16,
+    /// angles, microradians
+    pub angles_urad: Vec<i32, MAX_TABLE>,
+}
+
+/// How ranges are packed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Packing {
+    /// two returns in three bytes, little-endian: low 8, then high 4 | low 4, then high 8
+    Bits12,
+    /// one return in two bytes, little-endian
+    Bits16,
+}
+
+/// One scan line, or a segment of one.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ScanLine {
+    /// running number of the sweep
+    pub sweep: u32,
+    /// line within the sweep
+    pub line: u16,
+    /// column of the first return
+    pub first_column: u16,
+    /// time of the first return, microseconds of the scanner's clock
+    pub stamp_us: u64,
+    /// returns in this segment, at most [`MAX_RETURNS`]
+    pub returns: u16,
+    /// how `ranges` and `reflectances` are packed
+    pub packing: Packing,
+    /// packed range counts; the codes of [`range_code`] have a meaning of their own
+    pub ranges: Vec<u8, MAX_RANGE_BYTES>,
+    /// packed reflectances, as many as ranges, or empty
+    pub reflectances: Vec<u8, MAX_RANGE_BYTES>,
+}
+
+/// Sentinels among range counts (REP-117), given for 12 and for 16 bits as `MAX − k`.
+pub mod range_code {
+    /// nothing came back (+∞)
+    pub const NO_RETURN: u16 = 0;
+    /// closer than the scanner can measure (−∞)
+    pub const TOO_CLOSE: u16 = 1;
+    /// not a measurement (NaN)
+    pub const ERRONEOUS: u16 = 2;
+}
+
+/// The body in the map frame at one instant.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PoseStamp {
+    /// microseconds of the scanner's clock
+    pub stamp_us: u64,
+    /// position, metres
+    pub position_m: [f32; 3],
+    /// unit quaternion (x, y, z, w)
+    pub orientation: [f32; 4],
+}
+
+/// End of a sweep.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SweepEnd {
+    /// running number of the sweep
+    pub sweep: u32,
+    /// time of its end, microseconds
+    pub stamp_us: u64,
+    /// line messages that were sent in it
+    pub lines: u16,
+}
+
+/// Number of counters in a [`Status`].
+pub const COUNTERS: usize = 48;
+
+/// All counters of the sender, by [`crate::counter`] index.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Status {
+    /// last sweep that is complete in the map
+    pub sweep: u32,
+    /// time since start, microseconds
+    pub uptime_us: u64,
+    /// counters, see [`crate::counter`]
+    pub counters: Vec<u32, COUNTERS>,
+}
+
+/// Values of one layer in one tile; −32768 stands for unknown.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Patch {
+    /// which layer, the number of `rugosa::Layer`
+    pub layer: u8,
+    /// sweep after which it was taken
+    pub sweep: u32,
+    /// absolute column of the first value
+    pub x: i32,
+    /// absolute row of the first value
+    pub y: i32,
+    /// values per row; the rows follow to the north
+    pub width: u8,
+    /// cells per value and axis (1 for cell layers, 8 for tile layers)
+    pub stride: u8,
+    /// value = offset + scale · number
+    pub scale: f32,
+    /// value = offset + scale · number
+    pub offset: f32,
+    /// numbers
+    pub values: Vec<i16, MAX_PATCH>,
+}
+
+/// Sets one parameter.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Configure {
+    /// number of the parameter, see `rugosa::Config`
+    pub parameter: u8,
+    /// its value in SI units
+    pub value: f32,
+}
+
+/// Answer to a message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Ack {
+    /// sequence number of the frame that is answered
+    pub sequence: u16,
+    /// what became of it
+    pub verdict: Verdict,
+}
+
+/// What became of a message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Verdict {
+    /// done
+    Accepted,
+    /// the peer speaks another protocol; it is [`crate::PROTOCOL`]
+    WrongVersion,
+    /// no such parameter
+    UnknownParameter,
+    /// outside the parameter's range
+    OutOfRange,
+    /// not now: greet first
+    NotReady,
+    /// cannot be done by this device
+    Unsupported,
+}
+
+/// Flow control.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Credit {
+    /// line messages taken so far in this session
+    pub taken: u32,
+    /// line messages that may be sent in all in this session
+    pub limit: u32,
+}
+
+/// Sign of life.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Heartbeat {
+    /// time since start, microseconds
+    pub uptime_us: u64,
+}

@@ -1,0 +1,3 @@
+//! Rough-terrain module: roughness, reconstruction and traversability on board
+#![no_std]
+#![forbid(unsafe_code)]
