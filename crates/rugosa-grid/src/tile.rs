@@ -111,6 +111,10 @@ mod tests {
     fn negative_cells_belong_to_negative_tiles() {
         assert_eq!(Tile::of(Cell::new(-1, -8)), Tile::new(-1, -1));
         assert_eq!(Tile::of(Cell::new(-9, 7)), Tile::new(-2, 0));
-        assert!(Tile::new(-2, 0).cells().all(|c| Tile::of(c) == Tile::new(-2, 0)));
+        assert!(
+            Tile::new(-2, 0)
+                .cells()
+                .all(|c| Tile::of(c) == Tile::new(-2, 0))
+        );
     }
 }
