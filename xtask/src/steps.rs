@@ -1,6 +1,6 @@
 //! The steps and what becomes of them.
 
-use crate::layers;
+use crate::{bare_metal, layers};
 use anyhow::{Context, Result, bail};
 use std::process::{Command, ExitCode};
 use std::time::Instant;
@@ -40,6 +40,10 @@ const STEPS: &[Step] = &[
     Step {
         name: "doc",
         run: doc,
+    },
+    Step {
+        name: "bare-metal",
+        run: bare_metal::step,
     },
 ];
 
