@@ -46,9 +46,9 @@ pub enum Message {
     /// still there
     Heartbeat(Heartbeat),
     /// self-test: send these bytes back
-    Echo(Vec<u8, MAX_ECHO>),
+    Echo(#[serde(with = "crate::bytes")] Vec<u8, MAX_ECHO>),
     /// self-test: the answer to an echo
-    EchoReply(Vec<u8, MAX_ECHO>),
+    EchoReply(#[serde(with = "crate::bytes")] Vec<u8, MAX_ECHO>),
     /// self-test: send `count` messages of kind [`Message::Sink`]
     Source {
         /// how many
@@ -59,6 +59,7 @@ pub enum Message {
         /// running number
         index: u32,
         /// anything
+        #[serde(with = "crate::bytes")]
         filler: Vec<u8, MAX_ECHO>,
     },
     /// send the whole map again (after a restart of the receiver)
@@ -67,13 +68,18 @@ pub enum Message {
     Reset,
 }
 
-/// Greeting; both sides repeat it until they have heard the other's.
+/// Greeting; both sides repeat it until each knows that the other has heard it.
+///
+/// Header, variant 0 and the first two fields keep their place in every version of the
+/// protocol: that is how a peer of another version is recognised and named.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Hello {
     /// version of the protocol, [`crate::PROTOCOL`]
     pub protocol: u16,
     /// hash of the message types, [`crate::schema_hash`]
     pub schema: u32,
+    /// session of the peer whose greeting the sender has heard, 0 for none yet
+    pub heard: u32,
     /// what the sender is
     pub role: Role,
     /// name of the device
@@ -232,8 +238,10 @@ pub struct ScanLine {
     /// how `ranges` and `reflectances` are packed
     pub packing: Packing,
     /// packed range counts; the codes of [`range_code`] have a meaning of their own
+    #[serde(with = "crate::bytes")]
     pub ranges: Vec<u8, MAX_RANGE_BYTES>,
     /// packed reflectances, as many as ranges, or empty
+    #[serde(with = "crate::bytes")]
     pub reflectances: Vec<u8, MAX_RANGE_BYTES>,
 }
 
@@ -270,7 +278,7 @@ pub struct SweepEnd {
 }
 
 /// Number of counters in a [`Status`].
-pub const COUNTERS: usize = 48;
+pub const COUNTERS: usize = 64;
 
 /// All counters of the sender, by [`crate::counter`] index.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -355,4 +363,7 @@ pub struct Credit {
 pub struct Heartbeat {
     /// time since start, microseconds
     pub uptime_us: u64,
+    /// line messages sent so far in this session; the link keeps order, so the receiver
+    /// knows that those it has not seen are lost and grants credit for others
+    pub lines: u32,
 }
