@@ -1,1 +1,11 @@
-//! Host side of rugosa.
+//! Host side of rugosa: readers and writers of points and rasters, drawings, and the
+//! command `rugosa` on top of them.
+//!
+//! Everything a command does can be called from here; the command line ([`cli`]) only
+//! parses, prints and turns a [`error::Failure`] into an exit code.
+
+pub mod cli;
+pub mod commands;
+pub mod console;
+pub mod error;
+pub mod io;

@@ -1,2 +1,5 @@
-//! The command `rugosa`.
-fn main() {}
+//! The command `rugosa`; everything is in the library `rugosa_host`.
+
+fn main() -> std::process::ExitCode {
+    rugosa_host::cli::main()
+}

@@ -1,0 +1,128 @@
+//! `rugosa info FILE`: what a file holds.
+
+use crate::console::Console;
+use crate::error::Result;
+use crate::io::{self, Dataset, Points, Raster, Spacing};
+use serde::Serialize;
+use std::fmt;
+use std::path::PathBuf;
+
+/// Say what a file of points or a raster holds.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  rugosa info scan.ply
+  rugosa info dem.npy --spacing 0.1 --json")]
+pub struct Args {
+    /// Points (.csv .xyz .ply .npy N×3) or a raster (.asc, .npy 2-D with --spacing)
+    file: PathBuf,
+
+    /// Distance between the nodes of a 2-D .npy, DX or DX,DY [m]
+    #[arg(long)]
+    spacing: Option<Spacing>,
+}
+
+#[derive(Serialize)]
+#[serde(tag = "kind", rename_all = "lowercase")]
+enum Report {
+    Points {
+        points: usize,
+        skipped: usize,
+        min_m: [f64; 3],
+        max_m: [f64; 3],
+        per_square_metre: f64,
+    },
+    Raster {
+        rows: usize,
+        columns: usize,
+        spacing_m: [f64; 2],
+        origin_m: [f64; 2],
+        known: usize,
+        min_m: Option<f32>,
+        max_m: Option<f32>,
+    },
+}
+
+/// Reads the file and describes it.
+pub fn run(args: &Args, console: &Console) -> Result<()> {
+    let report = match io::read(&args.file, args.spacing)? {
+        Dataset::Points(points) => Report::points(&points),
+        Dataset::Raster(raster) => Report::raster(&raster),
+    };
+    console.result(&report, &report)
+}
+
+impl Report {
+    fn points(points: &Points) -> Self {
+        let (min_m, max_m) = points.bounds();
+        let area = (max_m[0] - min_m[0]) * (max_m[1] - min_m[1]);
+        Report::Points {
+            points: points.xyz.len(),
+            skipped: points.skipped,
+            min_m,
+            max_m,
+            per_square_metre: if area > 0.0 {
+                points.xyz.len() as f64 / area
+            } else {
+                0.0
+            },
+        }
+    }
+
+    fn raster(raster: &Raster) -> Self {
+        let range = raster.range();
+        Report::Raster {
+            rows: raster.rows,
+            columns: raster.columns,
+            spacing_m: [raster.spacing_x, raster.spacing_y],
+            origin_m: raster.origin,
+            known: raster.known(),
+            min_m: range.map(|r| r.0),
+            max_m: range.map(|r| r.1),
+        }
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Report::Points {
+                points,
+                skipped,
+                min_m,
+                max_m,
+                per_square_metre,
+            } => {
+                writeln!(f, "points     {points} ({skipped} skipped: not finite)")?;
+                for (axis, name) in ["x", "y", "z"].iter().enumerate() {
+                    writeln!(
+                        f,
+                        "{name}          {:.3} … {:.3} m",
+                        min_m[axis], max_m[axis]
+                    )?;
+                }
+                write!(f, "density    {per_square_metre:.2} points per m²")
+            }
+            Report::Raster {
+                rows,
+                columns,
+                spacing_m: [dx, dy],
+                origin_m: [x, y],
+                known,
+                min_m,
+                max_m,
+            } => {
+                writeln!(
+                    f,
+                    "raster     {rows} rows × {columns} columns, {dx} × {dy} m"
+                )?;
+                writeln!(f, "origin     {x}, {y} m (node of row 0, column 0)")?;
+                write!(f, "known      {known} of {} nodes", rows * columns)?;
+                match (min_m, max_m) {
+                    (Some(low), Some(high)) => write!(f, ", {low:.3} … {high:.3} m"),
+                    _ => Ok(()),
+                }
+            }
+        }
+    }
+}
