@@ -1,0 +1,180 @@
+//! Points → cells: a square of cells around the robot.
+//!
+//! Two planes of `side²` entries, both lent: [`GroundCell`] (fused elevation, variance,
+//! extremes, count, last sweep) and [`Sample`] (one return with its place in the cell,
+//! and the cell's state). They lie in the ring of [`Window`]; only absolute [`Cell`]s go
+//! in and out.
+//!
+//! | file | what |
+//! |---|---|
+//! | `cell` | the fusion of one return into one cell |
+//! | `fuse` | which cell, which sample; points in batches |
+//! | `shift` | moves and changes of the datum |
+//! | `clear` | ghosts: beams that passed below a cell |
+//! | `config` | parameters |
+//!
+//! **Samples that go away.** Whatever replaces or removes a measured sample tells the
+//! caller, who keeps statistics over pairs of samples: [`Fused::Sampled`] returns the old
+//! one, moves and clearing call `forget(window, samples, cell, old)`. At that moment the
+//! plane no longer holds the old sample, and the window is still the old one.
+//!
+//! **Limits.** Elevations are relative to the map frame in f32; heights are stored as
+//! i16 steps above an integer datum ([`ElevationGrid::rebase`]). Coordinates beyond
+//! 2²³ cells have no fraction left and are not meant.
+
+mod cell;
+mod clear;
+mod config;
+mod fuse;
+mod shift;
+
+pub use cell::GroundCell;
+pub use config::{GridConfig, GridError, SampleChoice};
+pub use fuse::{Fused, Point, Tally, View};
+
+use cell::Gate;
+use rugosa_grid::{Cell, Lattice, Sample, State, Window};
+
+/// The elevation grid; `'m` is the life of the lent planes.
+#[derive(Debug)]
+pub struct ElevationGrid<'m> {
+    config: GridConfig,
+    gate: Gate,
+    lattice: Lattice,
+    per_step: f32,
+    /// height steps from the map's zero to the stored heights' zero
+    datum: i32,
+    window: Window,
+    cells: &'m mut [GroundCell],
+    samples: &'m mut [Sample],
+}
+
+/// What a measured cell knows, in SI units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ground {
+    /// fused elevation \[m\]
+    pub elevation: f32,
+    /// its variance \[m²\]
+    pub variance: f32,
+    /// lowest fused return \[m\], to a height step
+    pub min: f32,
+    /// highest fused return \[m\], to a height step
+    pub max: f32,
+    /// returns fused; saturates at 8191
+    pub count: u16,
+    /// the sweep (its low 16 bits) that touched the cell last
+    pub last_sweep: u16,
+}
+
+impl Ground {
+    /// Elevation `sigmas` standard deviations up (or down, where negative) \[m\].
+    pub fn bound(&self, sigmas: f32) -> f32 {
+        self.elevation + sigmas * rugosa_grid::math::sqrt(self.variance)
+    }
+}
+
+impl<'m> ElevationGrid<'m> {
+    /// An empty grid over two lent planes of `window.len()` entries each; what they held
+    /// is cleared.
+    pub fn new(
+        config: GridConfig,
+        window: Window,
+        cells: &'m mut [GroundCell],
+        samples: &'m mut [Sample],
+    ) -> Result<Self, GridError> {
+        config.validate()?;
+        if cells.len() != window.len() || samples.len() != window.len() {
+            return Err(GridError::PlaneLength(window.len()));
+        }
+        cells.fill(GroundCell::default());
+        samples.fill(Sample::default());
+        Ok(ElevationGrid {
+            config,
+            gate: config.gate(),
+            lattice: Lattice::new(config.resolution),
+            per_step: 1.0 / config.height_step,
+            datum: 0,
+            window,
+            cells,
+            samples,
+        })
+    }
+
+    /// The parameters.
+    pub fn config(&self) -> &GridConfig {
+        &self.config
+    }
+
+    /// Metres ↔ cells.
+    pub fn lattice(&self) -> &Lattice {
+        &self.lattice
+    }
+
+    /// The cells that are held.
+    pub fn window(&self) -> &Window {
+        &self.window
+    }
+
+    /// The plane of samples in the ring order of [`Window::slot`].
+    pub fn samples(&self) -> &[Sample] {
+        self.samples
+    }
+
+    /// The window and the plane of samples, for those who mark samples as counted.
+    /// Heights and states are not theirs to change.
+    pub fn samples_mut(&mut self) -> (&Window, &mut [Sample]) {
+        (&self.window, self.samples)
+    }
+
+    /// Unknown, measured or seen through; unknown outside the window.
+    pub fn state(&self, cell: Cell) -> State {
+        self.sample(cell).state()
+    }
+
+    /// The point sample of a cell; the empty one outside the window.
+    pub fn sample(&self, cell: Cell) -> Sample {
+        self.window
+            .slot(cell)
+            .map_or(Sample::default(), |slot| self.samples[slot])
+    }
+
+    /// Where the point sample of a cell lies in the map \[m\]; `None` where nothing is
+    /// measured. To 1/128 cell and half a height step.
+    pub fn sample_position(&self, cell: Cell) -> Option<[f32; 3]> {
+        let sample = self.sample(cell);
+        if !sample.is_measured() {
+            return None;
+        }
+        let (x, y) = self.lattice.centre(cell);
+        let part = self.lattice.resolution() / rugosa_grid::sample::PARTS as f32;
+        Some([
+            x + part * f32::from(sample.east),
+            y + part * f32::from(sample.north),
+            self.metres(sample.height),
+        ])
+    }
+
+    /// What a cell knows; `None` where nothing is measured.
+    pub fn ground(&self, cell: Cell) -> Option<Ground> {
+        let slot = self.window.slot(cell)?;
+        let held = &self.cells[slot];
+        self.samples[slot].is_measured().then(|| Ground {
+            elevation: held.elevation,
+            variance: held.variance,
+            min: self.metres(held.min),
+            max: self.metres(held.max),
+            count: held.count(),
+            last_sweep: held.last_sweep,
+        })
+    }
+
+    /// Height steps → metres above the map's zero.
+    pub fn metres(&self, steps: i16) -> f32 {
+        (self.datum + i32::from(steps)) as f32 * self.config.height_step
+    }
+
+    /// The datum: height steps from the map's zero to that of the stored heights.
+    pub fn datum(&self) -> i32 {
+        self.datum
+    }
+}
