@@ -1,3 +1,8 @@
 //! Fractal roughness, reconstruction and surfaces of natural terrain
 #![no_std]
 #![forbid(unsafe_code)]
+
+#[cfg(any(test, feature = "std"))]
+extern crate std;
+
+pub mod synthesis;

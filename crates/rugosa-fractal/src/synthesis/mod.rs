@@ -1,0 +1,17 @@
+//! Surfaces drawn at random: fractional Brownian motion of a given Hurst exponent.
+//!
+//! | generator | when |
+//! |---|---|
+//! | [`exact_fbm`] | ground truth of tests and tables: the exact covariance, needs a heap and an FFT (feature `std`) |
+//!
+//! All are driven by [`rand_core`] generators through one normal generator,
+//! [`normal`], so that a seed gives the same bits on every platform (the FFT of
+//! [`exact_fbm`] excepted: its last bits depend on the machine).
+
+#[cfg(feature = "std")]
+mod exact;
+mod normal;
+
+#[cfg(feature = "std")]
+pub use exact::{exact_fbm, exact_fbm_pair};
+pub use normal::{normal, uniform};
