@@ -7,5 +7,6 @@
 pub mod cli;
 pub mod commands;
 pub mod console;
+pub mod draw;
 pub mod error;
 pub mod io;
