@@ -1,0 +1,134 @@
+//! The layers of the map: numbers, names and units.
+//!
+//! Names follow grid_map where it has one (`elevation`, `variance`, `upper_bound`,
+//! `lower_bound`, `slope`, `roughness`, `step`, `traversability`); the others are ours
+//! and documented here. The number is the one on the link.
+
+/// One quantity of the map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[repr(u8)]
+pub enum Layer {
+    /// fused elevation of measured cells \[m\]
+    Elevation = 0,
+    /// variance of the fused elevation \[m²\]
+    Variance,
+    /// elevation plus two standard deviations \[m\]
+    UpperBound,
+    /// elevation minus two standard deviations \[m\]
+    LowerBound,
+    /// lowest return \[m\]
+    Lowest,
+    /// highest return \[m\]
+    Highest,
+    /// number of fused returns
+    Count,
+    /// sweeps since the last return
+    Age,
+    /// 0 unknown, 1 measured, 2 seen through
+    State,
+    /// elevation of the point sample the statistics use \[m\]
+    Sample,
+    /// fractal dimension D
+    Dimension,
+    /// Hurst exponent H
+    Hurst,
+    /// standard deviation of an elevation difference at 1 m \[m\]
+    Sigma,
+    /// standard error of D
+    DimensionError,
+    /// shortest lag of the scaling range \[m\]
+    RangeFrom,
+    /// longest lag of the scaling range \[m\]
+    RangeTo,
+    /// residual of the log–log fit
+    Residual,
+    /// pairs behind the estimate
+    Pairs,
+    /// why there is no dimension, see `rugosa_fractal::roughness::Reason`
+    Reason,
+    /// posterior mean of the elevation, everywhere \[m\]
+    Mean,
+    /// standard deviation of the posterior \[m\]
+    StandardDeviation,
+    /// one realisation of the surface \[m\]
+    Realisation,
+    /// 1 where the mean is inferred, 0 where it rests on returns
+    Inferred,
+}
+
+/// What a layer is called and measured in.
+pub struct Description {
+    /// the layer
+    pub layer: Layer,
+    /// its name in files and messages
+    pub name: &'static str,
+    /// its unit, empty for pure numbers
+    pub unit: &'static str,
+    /// one value per tile of 8 × 8 cells rather than per cell
+    pub per_tile: bool,
+}
+
+macro_rules! layers {
+    ($($layer:ident $name:literal $unit:literal $per_tile:literal),* $(,)?) => {
+        &[$(Description { layer: Layer::$layer, name: $name, unit: $unit, per_tile: $per_tile }),*]
+    };
+}
+
+/// All layers, in the order of their numbers.
+pub const LAYERS: &[Description] = layers![
+    Elevation "elevation" "m" false,
+    Variance "variance" "m2" false,
+    UpperBound "upper_bound" "m" false,
+    LowerBound "lower_bound" "m" false,
+    Lowest "lowest" "m" false,
+    Highest "highest" "m" false,
+    Count "count" "" false,
+    Age "age" "sweeps" false,
+    State "state" "" false,
+    Sample "sample" "m" false,
+    Dimension "dimension" "" true,
+    Hurst "hurst" "" true,
+    Sigma "sigma" "m" true,
+    DimensionError "dimension_error" "" true,
+    RangeFrom "range_from" "m" true,
+    RangeTo "range_to" "m" true,
+    Residual "residual" "" true,
+    Pairs "pairs" "" true,
+    Reason "reason" "" true,
+    Mean "mean" "m" false,
+    StandardDeviation "standard_deviation" "m" false,
+    Realisation "realisation" "m" false,
+    Inferred "inferred" "" false,
+];
+
+impl Layer {
+    /// Its description.
+    pub fn description(self) -> &'static Description {
+        &LAYERS[self as usize]
+    }
+
+    /// The layer with this number on the link.
+    pub fn from_number(number: u8) -> Option<Layer> {
+        LAYERS.get(number as usize).map(|d| d.layer)
+    }
+
+    /// The layer of this name.
+    pub fn from_name(name: &str) -> Option<Layer> {
+        LAYERS.iter().find(|d| d.name == name).map(|d| d.layer)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_and_names_find_their_layer() {
+        for (i, d) in LAYERS.iter().enumerate() {
+            assert_eq!(d.layer as usize, i);
+            assert_eq!(Layer::from_number(i as u8), Some(d.layer));
+            assert_eq!(Layer::from_name(d.name), Some(d.layer));
+        }
+        assert_eq!(Layer::from_number(LAYERS.len() as u8), None);
+    }
+}
