@@ -138,17 +138,94 @@ macro_rules! switch {
 /// All parameters; the position in this list is the number on the link.
 pub const PARAMETERS: &[Parameter] = &[
     parameter!(resolution, "m", 0.001..=1000.0, 0.1, false, "cell edge"),
-    parameter!(height_step, "m", 0.0..=10.0, 0.0, false, "step of the integer heights, 0 = resolution / 200"),
-    parameter!(gate, "", 1.0..=100.0, 3.0, true, "Mahalanobis gate of the fusion"),
-    switch!(sample, SampleRule::Nearest, SampleRule::Lowest, 0.0, false, "0 = return nearest to the cell centre, 1 = lowest return"),
-    parameter!(ghost_stride, "returns", 0.0..=10000.0, 16.0, true, "every how many returns a beam is followed to clear ghosts, 0 = never"),
-    parameter!(ghost_margin, "m", 0.001..=10.0, 0.1, true, "how far below a cell a beam must pass to clear it"),
-    parameter!(move_distance, "m", 0.0..=10000.0, 0.8, true, "distance from the centre at which the map moves"),
-    parameter!(pose_hold, "s", 0.0..=3600.0, 0.0, true, "how long the last pose stays valid"),
-    switch!(moment, Moment::First, Moment::Second, 1.0, true, "0 = E|dz| (Yokoya), 1 = E dz^2 (Pentland)"),
-    switch!(detrend, false, true, 1.0, true, "1 = remove a significant tilt"),
-    parameter!(min_pairs, "", 2.0..=10000.0, 20.0, true, "fewest pairs in a lag that is used"),
-    parameter!(iterations, "", 0.0..=200.0, 10.0, true, "iterations of the reconstruction per sweep, 0 = none"),
+    parameter!(
+        height_step,
+        "m",
+        0.0..=10.0,
+        0.0,
+        false,
+        "step of the integer heights, 0 = resolution / 200"
+    ),
+    parameter!(
+        gate,
+        "",
+        1.0..=100.0,
+        3.0,
+        true,
+        "Mahalanobis gate of the fusion"
+    ),
+    switch!(
+        sample,
+        SampleRule::Nearest,
+        SampleRule::Lowest,
+        0.0,
+        false,
+        "0 = return nearest to the cell centre, 1 = lowest return"
+    ),
+    parameter!(
+        ghost_stride,
+        "returns",
+        0.0..=10000.0,
+        16.0,
+        true,
+        "every how many returns a beam is followed to clear ghosts, 0 = never"
+    ),
+    parameter!(
+        ghost_margin,
+        "m",
+        0.001..=10.0,
+        0.1,
+        true,
+        "how far below a cell a beam must pass to clear it"
+    ),
+    parameter!(
+        move_distance,
+        "m",
+        0.0..=10000.0,
+        0.8,
+        true,
+        "distance from the centre at which the map moves"
+    ),
+    parameter!(
+        pose_hold,
+        "s",
+        0.0..=3600.0,
+        0.0,
+        true,
+        "how long the last pose stays valid"
+    ),
+    switch!(
+        moment,
+        Moment::First,
+        Moment::Second,
+        1.0,
+        true,
+        "0 = E|dz| (Yokoya), 1 = E dz^2 (Pentland)"
+    ),
+    switch!(
+        detrend,
+        false,
+        true,
+        1.0,
+        true,
+        "1 = remove a significant tilt"
+    ),
+    parameter!(
+        min_pairs,
+        "",
+        2.0..=10000.0,
+        20.0,
+        true,
+        "fewest pairs in a lag that is used"
+    ),
+    parameter!(
+        iterations,
+        "",
+        0.0..=200.0,
+        10.0,
+        true,
+        "iterations of the reconstruction per sweep, 0 = none"
+    ),
 ];
 
 /// A parameter that cannot be set so.
@@ -178,10 +255,16 @@ impl core::fmt::Display for ConfigError {
             ConfigError::UnknownParameter(i) => write!(f, "there is no parameter number {i}"),
             ConfigError::OutOfRange { parameter, value } => {
                 let p = &PARAMETERS[parameter as usize];
-                write!(f, "{} = {value}: must lie in {} … {} {}", p.name, p.min, p.max, p.unit)
+                write!(
+                    f,
+                    "{} = {value}: must lie in {} … {} {}",
+                    p.name, p.min, p.max, p.unit
+                )
             }
             ConfigError::Fixed(i) => write!(f, "{} cannot change while a map is kept", name(i)),
-            ConfigError::Side(n) => write!(f, "a map of {n} cells a side: must be 2^k + 1, 33 … 1025"),
+            ConfigError::Side(n) => {
+                write!(f, "a map of {n} cells a side: must be 2^k + 1, 33 … 1025")
+            }
             ConfigError::Memory(what) => write!(f, "memory for {what} has the wrong length"),
         }
     }
@@ -207,7 +290,10 @@ impl Config {
 
     /// Number of the parameter called `name`.
     pub fn index_of(name: &str) -> Option<u8> {
-        PARAMETERS.iter().position(|p| p.name == name).map(|i| i as u8)
+        PARAMETERS
+            .iter()
+            .position(|p| p.name == name)
+            .map(|i| i as u8)
     }
 
     /// Step of the integer heights \[m\].
@@ -259,7 +345,10 @@ mod tests {
         let mut config = Config::default();
         assert_eq!(config.set(99, 1.0), Err(ConfigError::UnknownParameter(99)));
         for bad in [f32::NAN, -1.0, f32::INFINITY] {
-            assert!(matches!(config.set(0, bad), Err(ConfigError::OutOfRange { parameter: 0, .. })));
+            assert!(matches!(
+                config.set(0, bad),
+                Err(ConfigError::OutOfRange { parameter: 0, .. })
+            ));
         }
         assert_eq!(config, Config::default());
     }

@@ -90,6 +90,8 @@ pub struct Beams<'m> {
     geometry: Geometry,
     columns: &'m mut [Trig],
     lines: &'m mut [LineTrig],
+    /// columns and lines of the raster; the tables may be longer
+    size: [usize; 2],
 }
 
 impl<'m> Beams<'m> {
@@ -101,29 +103,48 @@ impl<'m> Beams<'m> {
         columns: &'m mut [Trig],
         lines: &'m mut [LineTrig],
     ) -> Self {
-        lines.fill(LineTrig::default());
-        let mut beams = Beams {
-            geometry,
+        let size = [columns.len(), lines.len()];
+        let mut beams = Beams::unknown(columns, lines);
+        beams.describe(geometry, raster, size);
+        beams
+    }
+
+    /// A scanner without beams, until [`Beams::describe`]; the lent tables say how many
+    /// columns and lines it may have.
+    pub fn unknown(columns: &'m mut [Trig], lines: &'m mut [LineTrig]) -> Self {
+        Beams {
+            geometry: Geometry::Spherical,
             columns,
             lines,
-        };
-        for column in 0..beams.columns() {
-            beams.set_azimuth(column, nth(raster.azimuth, column));
+            size: [0; 2],
         }
-        for line in 0..beams.lines() {
-            beams.set_inclination(line, nth(raster.inclination, line));
+    }
+
+    /// Takes over another scanner with a regular raster of `size` = columns and lines;
+    /// `false`, and nothing changed, where the tables are too short.
+    pub fn describe(&mut self, geometry: Geometry, raster: Raster, size: [usize; 2]) -> bool {
+        if size[0] > self.columns.len() || size[1] > self.lines.len() {
+            return false;
         }
-        beams
+        (self.geometry, self.size) = (geometry, size);
+        self.lines.fill(LineTrig::default());
+        for column in 0..size[0] {
+            self.set_azimuth(column, nth(raster.azimuth, column));
+        }
+        for line in 0..size[1] {
+            self.set_inclination(line, nth(raster.inclination, line));
+        }
+        true
     }
 
     /// Columns per line.
     pub fn columns(&self) -> usize {
-        self.columns.len()
+        self.size[0]
     }
 
     /// Lines per sweep.
     pub fn lines(&self) -> usize {
-        self.lines.len()
+        self.size[1]
     }
 
     /// The geometry.
@@ -133,7 +154,7 @@ impl<'m> Beams<'m> {
 
     /// Replaces the azimuth \[rad\] of a column; `false` where there is no such column.
     pub fn set_azimuth(&mut self, column: usize, azimuth: f32) -> bool {
-        let entry = self.columns.get_mut(column);
+        let entry = self.columns[..self.size[0]].get_mut(column);
         entry.map(|trig| *trig = Trig::of(azimuth)).is_some()
     }
 
@@ -143,7 +164,7 @@ impl<'m> Beams<'m> {
             Geometry::Spherical => 0.0,
             Geometry::Perceptron(constants) => constants.mirror_tangent(inclination),
         };
-        let entry = self.lines.get_mut(line);
+        let entry = self.lines[..self.size[1]].get_mut(line);
         entry
             .map(|trig| {
                 trig.inclination = Trig::of(inclination);
@@ -155,7 +176,7 @@ impl<'m> Beams<'m> {
     /// Sets the angle \[rad\] that a line adds to every azimuth (0 at first); `false`
     /// where there is no such line.
     pub fn set_azimuth_offset(&mut self, line: usize, offset: f32) -> bool {
-        let entry = self.lines.get_mut(line);
+        let entry = self.lines[..self.size[1]].get_mut(line);
         entry
             .map(|trig| trig.azimuth_offset = Trig::of(offset))
             .is_some()
@@ -164,8 +185,9 @@ impl<'m> Beams<'m> {
     /// The rays of one line in the frame that `pose` leads to (`map_from_sensor`);
     /// `None` where there is no such line.
     pub fn rays(&self, line: usize, pose: &Isometry3<f32>) -> Option<Rays<'_>> {
-        let trig = self.lines.get(line)?;
-        Some(Rays::new(&self.geometry, trig, self.columns, pose))
+        let trig = self.lines[..self.size[1]].get(line)?;
+        let columns = &self.columns[..self.size[0]];
+        Some(Rays::new(&self.geometry, trig, columns, pose))
     }
 
     /// The point \[m\] of one return in the sensor frame; `None` outside the raster.
