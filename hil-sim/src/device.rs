@@ -136,15 +136,30 @@ impl Device {
     /// and slow links. Devices with tables keep their lines.
     pub fn thinned(mut self, lines: u16, columns: u16) -> Self {
         let d = &mut self.description;
-        let lines = if self.tables.is_empty() { lines } else { d.lines };
-        let (by_line, by_column) = (f64::from(d.lines) / f64::from(lines), f64::from(d.columns) / f64::from(columns));
+        let lines = if self.tables.is_empty() {
+            lines
+        } else {
+            d.lines
+        };
+        let (by_line, by_column) = (
+            f64::from(d.lines) / f64::from(lines),
+            f64::from(d.columns) / f64::from(columns),
+        );
         let stretch = |first: &mut i32, step: &mut i32, factor: f64| {
             let old = f64::from(*step);
             *step = (old * factor).round() as i32;
             *first += ((f64::from(*step) - old) * 0.5e-3).round() as i32;
         };
-        stretch(&mut d.azimuth_first_urad, &mut d.azimuth_step_nrad, by_column);
-        stretch(&mut d.inclination_first_urad, &mut d.inclination_step_nrad, by_line);
+        stretch(
+            &mut d.azimuth_first_urad,
+            &mut d.azimuth_step_nrad,
+            by_column,
+        );
+        stretch(
+            &mut d.inclination_first_urad,
+            &mut d.inclination_step_nrad,
+            by_line,
+        );
         d.column_period_ns = (f64::from(d.column_period_ns) * by_column) as u32;
         d.line_period_us = (f64::from(d.line_period_us) * by_line) as u32;
         (d.lines, d.columns) = (lines, columns);
@@ -153,7 +168,8 @@ impl Device {
 
     /// Sets where the sensor sits in the body frame \[m\] and how far it looks down \[°\].
     pub fn set_mount(&mut self, position: [f32; 3], nose_down_degrees: f64) {
-        let turn = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), nose_down_degrees.to_radians());
+        let turn =
+            UnitQuaternion::from_axis_angle(&Vector3::y_axis(), nose_down_degrees.to_radians());
         let c = turn.coords;
         self.description.mount_position_m = position;
         self.description.mount_orientation = [c.x as f32, c.y as f32, c.z as f32, c.w as f32];
@@ -189,7 +205,12 @@ impl Device {
 
     /// The beam at an azimuth and an inclination \[rad\].
     pub fn beam(&self, azimuth: f64, inclination: f64) -> Beam {
-        beam(&self.description.model, self.metres_per_count(), azimuth, inclination)
+        beam(
+            &self.description.model,
+            self.metres_per_count(),
+            azimuth,
+            inclination,
+        )
     }
 
     /// Length of a count \[m\].
@@ -239,7 +260,12 @@ impl Raster {
         }
     }
 
-    fn describe(&self, model: BeamModel, metres_per_count: f64, physics: &Physics) -> ScannerDescription {
+    fn describe(
+        &self,
+        model: BeamModel,
+        metres_per_count: f64,
+        physics: &Physics,
+    ) -> ScannerDescription {
         let urad = |degrees: f64| (degrees.to_radians() * 1e6).round() as i32;
         let nrad = |degrees: f64| (degrees.to_radians() * 1e9).round() as i32;
         // rounding to whole counts is uniform noise of variance 1/12

@@ -61,7 +61,11 @@ impl Mirrors {
         let dz = -self.h1 * (1.0 - alpha.cos()) / self.gamma.tan();
         let dy = dz * (self.theta + beta / 2.0).tan();
         let dx = (self.h2 + dy) * alpha.tan();
-        let direction = [alpha.sin(), alpha.cos() * beta.sin(), alpha.cos() * beta.cos()];
+        let direction = [
+            alpha.sin(),
+            alpha.cos() * beta.sin(),
+            alpha.cos() * beta.cos(),
+        ];
         Beam {
             origin: forward_left_up([dx, dy, dz]),
             direction: forward_left_up(direction),
@@ -134,7 +138,10 @@ mod tests {
             let beta = 36.73f64.to_radians() * (255.5 - row) / 512.0;
             let point = mirrors.beam(alpha, beta).point(count * metres_per_count);
             let wanted = Vector3::new(forward, left, up) / 100.0;
-            assert!((point - wanted).norm() < 1e-8, "{row} {column}: {point} {wanted}");
+            assert!(
+                (point - wanted).norm() < 1e-8,
+                "{row} {column}: {point} {wanted}"
+            );
         }
     }
 

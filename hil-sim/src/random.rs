@@ -1,8 +1,8 @@
-//! Seeded random numbers: xoshiro256++, ziggurat normals.
+//! Seeded random numbers: xoshiro256++, the normals of [`rugosa_fractal::synthesis`].
 
 use rand_core::{Rng, SeedableRng};
-use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
+use rugosa_fractal::synthesis::normal;
 
 /// A stream of random numbers.
 #[derive(Clone, Debug)]
@@ -29,7 +29,7 @@ impl Random {
 
     /// Normal with mean 0 and variance 1.
     pub fn normal(&mut self) -> f64 {
-        StandardNormal.sample(&mut self.0)
+        f64::from(normal(&mut self.0))
     }
 
     /// True with the given probability.

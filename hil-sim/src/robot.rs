@@ -75,14 +75,30 @@ impl Path {
     pub fn at(&self, seconds: f64) -> (f64, f64, f64) {
         match self {
             Path::Still { at, heading } => (at[0], at[1], *heading),
-            Path::Straight { from, heading, speed } => {
+            Path::Straight {
+                from,
+                heading,
+                speed,
+            } => {
                 let way = speed * seconds;
-                (from[0] + way * heading.cos(), from[1] + way * heading.sin(), *heading)
+                (
+                    from[0] + way * heading.cos(),
+                    from[1] + way * heading.sin(),
+                    *heading,
+                )
             }
-            Path::Circle { centre, radius, speed } => {
+            Path::Circle {
+                centre,
+                radius,
+                speed,
+            } => {
                 let angle = speed * seconds / radius;
                 let heading = angle + std::f64::consts::FRAC_PI_2.copysign(*speed);
-                (centre[0] + radius * angle.cos(), centre[1] + radius * angle.sin(), heading)
+                (
+                    centre[0] + radius * angle.cos(),
+                    centre[1] + radius * angle.sin(),
+                    heading,
+                )
             }
             Path::Waypoints { points, speed } => along(points, speed * seconds),
         }
@@ -95,7 +111,11 @@ fn along(points: &[[f64; 2]], way: f64) -> (f64, f64, f64) {
     for leg in points.windows(2) {
         let (dx, dy) = (leg[1][0] - leg[0][0], leg[1][1] - leg[0][1]);
         let length = dx.hypot(dy);
-        let part = if length > 0.0 { (left / length).clamp(0.0, 1.0) } else { 1.0 };
+        let part = if length > 0.0 {
+            (left / length).clamp(0.0, 1.0)
+        } else {
+            1.0
+        };
         place = (leg[0][0] + part * dx, leg[0][1] + part * dy, dy.atan2(dx));
         if left < length {
             break;
@@ -178,10 +198,25 @@ mod tests {
     #[test]
     fn paths_keep_their_speed_and_look_ahead() {
         let paths = [
-            Path::Straight { from: [1.0, 2.0], heading: 0.7, speed: 0.5 },
-            Path::Circle { centre: [0.0, 1.0], radius: 3.0, speed: 0.5 },
-            Path::Circle { centre: [0.0, 1.0], radius: 3.0, speed: -0.5 },
-            Path::Waypoints { points: vec![[0.0, 0.0], [2.0, 0.0], [2.0, 5.0]], speed: 0.5 },
+            Path::Straight {
+                from: [1.0, 2.0],
+                heading: 0.7,
+                speed: 0.5,
+            },
+            Path::Circle {
+                centre: [0.0, 1.0],
+                radius: 3.0,
+                speed: 0.5,
+            },
+            Path::Circle {
+                centre: [0.0, 1.0],
+                radius: 3.0,
+                speed: -0.5,
+            },
+            Path::Waypoints {
+                points: vec![[0.0, 0.0], [2.0, 0.0], [2.0, 5.0]],
+                speed: 0.5,
+            },
         ];
         for path in paths {
             for t in [0.5, 3.0, 7.3] {
@@ -196,14 +231,24 @@ mod tests {
 
     #[test]
     fn the_last_waypoint_is_kept() {
-        let path = Path::Waypoints { points: vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]], speed: 1.0 };
+        let path = Path::Waypoints {
+            points: vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]],
+            speed: 1.0,
+        };
         assert_eq!(path.at(99.0), (1.0, 1.0, std::f64::consts::FRAC_PI_2));
     }
 
     #[test]
     fn the_body_stands_on_a_ramp() {
-        let ramp = Plane { height: 1.0, slope_x: 0.2, slope_y: -0.1 };
-        let path = Path::Still { at: [2.0, 3.0], heading: 0.4 };
+        let ramp = Plane {
+            height: 1.0,
+            slope_x: 0.2,
+            slope_y: -0.1,
+        };
+        let path = Path::Still {
+            at: [2.0, 3.0],
+            heading: 0.4,
+        };
         let mut robot = Robot::new(Arc::new(ramp), path);
         let level = robot.pose(0.0);
         assert!((level.translation.z - (1.0 + 0.4 - 0.3)).abs() < 1e-12);

@@ -319,7 +319,13 @@ impl Scanner {
         };
         let (azimuth, inclination) = (nominal.0 + error(), nominal.1 + error());
         let half = physics.beam_width / 2.0;
-        let parts = [(0.0, 0.0), (half, 0.0), (-half, 0.0), (0.0, half), (0.0, -half)];
+        let parts = [
+            (0.0, 0.0),
+            (half, 0.0),
+            (-half, 0.0),
+            (0.0, half),
+            (0.0, -half),
+        ];
         let parts = &parts[..if split { 5 } else { 1 }];
         let part = |&(a, b): &(f64, f64)| {
             self.cast(sensor, &self.device.beam(azimuth + a, inclination + b))
@@ -328,7 +334,9 @@ impl Scanner {
     }
 
     fn falloff(&self, range: f64) -> f64 {
-        (self.device.physics.reference_range / range).powi(2).min(1.0)
+        (self.device.physics.reference_range / range)
+            .powi(2)
+            .min(1.0)
     }
 
     /// Adds the echoes up, and the noise.
@@ -342,7 +350,11 @@ impl Scanner {
             let signal = echo.brightness * self.falloff(echo.reading) / echoes.len() as f64;
             let farther = echo.reading - first;
             let (s, c) = (turn * farther).sin_cos();
-            (sine, cosine, mean) = (sine + signal * s, cosine + signal * c, mean + signal * farther);
+            (sine, cosine, mean) = (
+                sine + signal * s,
+                cosine + signal * c,
+                mean + signal * farther,
+            );
             mixed |= farther.abs() > JUMP;
         }
         // a phase measurement sees the phasor, a pulsed one the middle of the pulses
@@ -356,7 +368,11 @@ impl Scanner {
         }
         let farther = if signal > 0.0 { farther } else { 0.0 };
         let range = first + farther + self.range_error(first + farther, signal, random);
-        Ok(Reading { range, signal, mixed })
+        Ok(Reading {
+            range,
+            signal,
+            mixed,
+        })
     }
 
     fn range_error(&self, range: f64, signal: f64, random: &mut Random) -> f64 {
@@ -423,12 +439,15 @@ impl Scanner {
 fn beside_edge(this: &Met, beside: [&Option<Met>; 2], column: usize) -> bool {
     let here = this.truth[column];
     let sides = [column.checked_sub(1), Some(column + 1)];
-    let along = sides.into_iter().flatten().filter_map(|c| this.truth.get(c));
+    let along = sides
+        .into_iter()
+        .flatten()
+        .filter_map(|c| this.truth.get(c));
     let across = beside.into_iter().flatten().map(|met| &met.truth[column]);
     // the end of the terrain (NaN on one side) is an edge too
-    along.chain(across).any(|&there| {
-        here.is_nan() != there.is_nan() || (here - there).abs() > JUMP
-    })
+    along
+        .chain(across)
+        .any(|&there| here.is_nan() != there.is_nan() || (here - there).abs() > JUMP)
 }
 
 #[cfg(test)]

@@ -31,7 +31,12 @@ fn points(scanner: &Scanner, line: &Line, readings: &[f64]) -> Vec<Vector3<f64>>
         scanner.device.beam(azimuth, inclination)
     };
     let point = |(c, &r): (usize, &f64)| sensor * nalgebra::Point3::from(beam(c).point(r));
-    readings.iter().enumerate().map(point).map(|p| p.coords).collect()
+    readings
+        .iter()
+        .enumerate()
+        .map(point)
+        .map(|p| p.coords)
+        .collect()
 }
 
 #[test]
@@ -72,17 +77,29 @@ fn counts_are_the_rounded_truth_and_every_beam_is_counted_once() {
         }
         tally.add(&line.tally);
     }
-    let Tally { returns, no_return, too_close, erroneous, .. } = tally;
+    let Tally {
+        returns,
+        no_return,
+        too_close,
+        erroneous,
+        ..
+    } = tally;
     assert_eq!(returns + no_return + too_close + erroneous, 64 * 64);
     assert!(returns > 2000 && no_return > 0);
 }
 
 #[test]
 fn far_readings_wrap_at_the_interval() {
-    let effects = Effects { wrap: true, ..Effects::NONE };
+    let effects = Effects {
+        wrap: true,
+        ..Effects::NONE
+    };
     let mut scanner = scanner(Plane::FLAT, effects);
     scanner.device.set_mount([0.0, 0.0, 12.0], 25.0);
-    scanner = Scanner { effects, ..Scanner::new(scanner.device, scanner.robot, 1) };
+    scanner = Scanner {
+        effects,
+        ..Scanner::new(scanner.device, scanner.robot, 1)
+    };
     let (count, mut wrapped) = (scanner.device.metres_per_count(), 0);
     for line in scanner.sweep(0) {
         for (&code, &truth) in line.ranges.iter().zip(&line.truth) {
@@ -103,7 +120,10 @@ fn noise_is_as_stated_and_grows_as_the_ground_gets_darker() {
     // a wall straight ahead: every beam's own error of direction shifts it by a known part
     let mut spread = [0.0; 2];
     for (i, albedo) in [0.8, 0.05].into_iter().enumerate() {
-        let effects = Effects { noise: true, ..Effects::NONE };
+        let effects = Effects {
+            noise: true,
+            ..Effects::NONE
+        };
         let mut scanner = scanner(Plane::FLAT, effects);
         scanner.albedo.between = [albedo, albedo];
         scanner.device.physics.angle_noise = 0.0;
@@ -131,7 +151,11 @@ fn noise_is_as_stated_and_grows_as_the_ground_gets_darker() {
         }
         // n = 24576: the mean scatters by 0.0064, the mean square by 0.009
         assert!((sum / n).abs() < 0.03, "mean {}", sum / n);
-        assert!((squares / n - 1.0f64).abs() < 0.04, "mean square {}", squares / n);
+        assert!(
+            (squares / n - 1.0f64).abs() < 0.04,
+            "mean square {}",
+            squares / n
+        );
     }
     assert!(spread[1] > 3.0 * spread[0], "{spread:?}");
 }
@@ -147,13 +171,22 @@ fn stated_noise_is_that_of_typical_ground() {
 
 #[test]
 fn drop_outs_come_as_often_as_set_and_where_the_signal_is_weak() {
-    let effects = Effects { drop_outs: true, ..Effects::NONE };
+    let effects = Effects {
+        drop_outs: true,
+        ..Effects::NONE
+    };
     let mut scanner = scanner(Plane::FLAT, effects);
     scanner.device.set_mount([0.0, 0.0, 8.0], 90.0);
     scanner.device.physics.drop_out = 0.1;
-    let mut scanner = Scanner { effects, ..Scanner::new(scanner.device, scanner.robot, 5) };
+    let mut scanner = Scanner {
+        effects,
+        ..Scanner::new(scanner.device, scanner.robot, 5)
+    };
     let dropped = |scanner: &Scanner| -> u64 {
-        (0..4).flat_map(|k| scanner.sweep(k)).map(|line| line.tally.dropped).sum()
+        (0..4)
+            .flat_map(|k| scanner.sweep(k))
+            .map(|line| line.tally.dropped)
+            .sum()
     };
     // binomial: 0.1 · 16384 = 1638 ± 38
     assert!((dropped(&scanner) as i64 - 1638).abs() < 160);
@@ -165,8 +198,14 @@ fn drop_outs_come_as_often_as_set_and_where_the_signal_is_weak() {
 
 #[test]
 fn mixed_pixels_lie_between_the_surfaces_of_an_edge() {
-    let effects = Effects { mixed_pixels: true, ..Effects::NONE };
-    let step = Step { x: 2.5, height: -0.8 };
+    let effects = Effects {
+        mixed_pixels: true,
+        ..Effects::NONE
+    };
+    let step = Step {
+        x: 2.5,
+        height: -0.8,
+    };
     let mut scanner = scanner(step, effects);
     scanner.device.physics.beam_width = 5e-3;
     let mut mixed = 0;
@@ -180,7 +219,10 @@ fn mixed_pixels_lie_between_the_surfaces_of_an_edge() {
     }
     assert!(mixed > 20, "{mixed}");
     scanner.effects.mixed_pixels = false;
-    assert_eq!(scanner.sweep(0).map(|line| line.tally.mixed).sum::<u64>(), 0);
+    assert_eq!(
+        scanner.sweep(0).map(|line| line.tally.mixed).sum::<u64>(),
+        0
+    );
 }
 
 #[test]
@@ -189,15 +231,27 @@ fn the_seed_decides_and_lines_do_not_depend_on_each_other() {
     let all = |seed| make(seed).sweep(2).collect::<Vec<_>>();
     assert_eq!(all(1), all(1));
     assert_ne!(all(1), all(2));
-    let codes = |sweep| make(1).sweep(sweep).map(|line| line.ranges).collect::<Vec<_>>();
+    let codes = |sweep| {
+        make(1)
+            .sweep(sweep)
+            .map(|line| line.ranges)
+            .collect::<Vec<_>>()
+    };
     assert_ne!(codes(2), codes(3));
 }
 
 #[test]
 fn a_walking_robot_sees_the_ground_at_rest() {
-    let path = Path::Circle { centre: [0.0, 0.0], radius: 2.0, speed: 1.0 };
+    let path = Path::Circle {
+        centre: [0.0, 0.0],
+        radius: 2.0,
+        speed: 1.0,
+    };
     let robot = Robot::new(Arc::new(Plane::FLAT), path);
-    let scanner = Scanner { effects: Effects::NONE, ..Scanner::new(small(), robot, 1) };
+    let scanner = Scanner {
+        effects: Effects::NONE,
+        ..Scanner::new(small(), robot, 1)
+    };
     for line in scanner.sweep(1) {
         let ends = scanner.sensor(1, line.line);
         for (column, &truth) in line.truth.iter().enumerate().filter(|(_, r)| r.is_finite()) {
@@ -212,7 +266,10 @@ fn a_walking_robot_sees_the_ground_at_rest() {
 #[test]
 fn the_lidar_looks_all_around() {
     let robot = still(Plane::FLAT);
-    let scanner = Scanner { effects: Effects::NONE, ..Scanner::new(Device::lidar(), robot, 1) };
+    let scanner = Scanner {
+        effects: Effects::NONE,
+        ..Scanner::new(Device::lidar(), robot, 1)
+    };
     assert_eq!(scanner.device.packing, Packing::Bits16);
     let line = scanner.sweep(0).nth(50).unwrap();
     let points = points(&scanner, &line, &line.truth);

@@ -82,7 +82,10 @@ mod tests {
             let hit = hills.cast(&ray, 50.0).unwrap().distance;
             assert!(gap(hit).abs() < 2e-9);
             let steps = (hit / 1e-3) as usize;
-            assert!((0..steps).all(|i| gap(i as f64 * 1e-3) > 0.0), "slant {slant}");
+            assert!(
+                (0..steps).all(|i| gap(i as f64 * 1e-3) > 0.0),
+                "slant {slant}"
+            );
         }
     }
 

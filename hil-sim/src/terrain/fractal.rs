@@ -114,7 +114,10 @@ mod tests {
                 let squares = squares.map(|i| f64::from(nodes[i + cells] - nodes[i]).powi(2));
                 let rms = (squares.clone().sum::<f64>() / squares.count() as f64).sqrt();
                 let wanted = sigma * lag.powf(3.0 - dimension);
-                assert!((rms / wanted - 1.0).abs() < 0.12, "D {dimension}, {lag} m: {rms} {wanted}");
+                assert!(
+                    (rms / wanted - 1.0).abs() < 0.12,
+                    "D {dimension}, {lag} m: {rms} {wanted}"
+                );
             }
         }
     }
@@ -122,7 +125,11 @@ mod tests {
     #[test]
     fn the_seed_decides() {
         let draw = |seed| {
-            let settings = FractalSettings { side: 65, seed, ..Default::default() };
+            let settings = FractalSettings {
+                side: 65,
+                seed,
+                ..Default::default()
+            };
             fractal(settings).unwrap().raster().nodes().to_vec()
         };
         assert_eq!(draw(1), draw(1));

@@ -5,12 +5,12 @@
 //! bilinear patches of a raster) and within 1 nm of height on the others.
 
 mod analytic;
-//mod fractal;
+mod fractal;
 mod raster;
 mod simple;
 
 pub use analytic::{Analytic, egg_carton};
-//pub use fractal::{Fractal, FractalSettings, fractal};
+pub use fractal::{Fractal, FractalSettings, fractal};
 pub use raster::Raster;
 pub use simple::{Plane, Step};
 

@@ -59,7 +59,10 @@ impl Raster {
     /// A raster of `nodes` (row after row, y ascending) with `columns` nodes per row,
     /// `spacing` \[m\] apart; node (0, 0) at `origin` \[m\].
     pub fn new(nodes: Vec<f32>, columns: usize, spacing: f64, origin: [f64; 2]) -> Result<Self> {
-        ensure!(columns >= 2, "a raster has at least 2 columns, not {columns}");
+        ensure!(
+            columns >= 2,
+            "a raster has at least 2 columns, not {columns}"
+        );
         ensure!(
             nodes.len() % columns == 0 && nodes.len() / columns >= 2,
             "{} nodes are not 2 or more rows of {columns}",
@@ -145,7 +148,12 @@ fn pyramid(nodes: &[f32], columns: usize) -> Vec<Level> {
     let patch = |i: usize| {
         let (x, y) = (i % (columns - 1), i / (columns - 1));
         let sw = y * columns + x;
-        let corners = [nodes[sw], nodes[sw + 1], nodes[sw + columns], nodes[sw + columns + 1]];
+        let corners = [
+            nodes[sw],
+            nodes[sw + 1],
+            nodes[sw + columns],
+            nodes[sw + columns + 1],
+        ];
         match corners.iter().any(|z| z.is_nan()) {
             true => f32::NEG_INFINITY,
             false => corners.into_iter().fold(f32::NEG_INFINITY, f32::max),
@@ -288,7 +296,9 @@ impl<'r> Walk<'r> {
         };
         let first = (self.patch[other] >> self.level) * size;
         let across = (self.origin[other] + self.slope[other] * leave).floor() as i64;
-        self.patch[other] = across.clamp(first, first + size - 1).min(patches[other] as i64 - 1);
+        self.patch[other] = across
+            .clamp(first, first + size - 1)
+            .min(patches[other] as i64 - 1);
         self.t = leave;
         if self.patch[axis] < 0 || self.patch[axis] >= patches[axis] as i64 {
             return Progress::Gone;
@@ -299,7 +309,9 @@ impl<'r> Walk<'r> {
 
     /// Solves the patch between the present place and `leave`.
     fn meet(&self, leave: f64) -> Progress {
-        let [a, b, c, d] = self.raster.patch(self.patch[0] as usize, self.patch[1] as usize);
+        let [a, b, c, d] = self
+            .raster
+            .patch(self.patch[0] as usize, self.patch[1] as usize);
         let [su, sv, sz] = self.slope;
         let u = self.origin[0] + su * self.t - self.patch[0] as f64;
         let v = self.origin[1] + sv * self.t - self.patch[1] as f64;
@@ -384,7 +396,9 @@ mod tests {
 
     fn bumpy() -> Raster {
         let mut random = crate::random::Random::new(7);
-        let nodes = (0..37 * 23).map(|_| 0.4 * random.uniform() as f32).collect();
+        let nodes = (0..37 * 23)
+            .map(|_| 0.4 * random.uniform() as f32)
+            .collect();
         Raster::new(nodes, 37, 0.1, [0.0, 0.0]).unwrap()
     }
 
@@ -396,7 +410,13 @@ mod tests {
             slope_x: 0.5,
             slope_y: -0.25,
         };
-        for (ax, ay) in [(0.3, 0.1), (-0.2, 0.5), (0.0, 0.4), (1.5, 0.0), (-0.01, -0.7)] {
+        for (ax, ay) in [
+            (0.3, 0.1),
+            (-0.2, 0.5),
+            (0.0, 0.4),
+            (1.5, 0.0),
+            (-0.01, -0.7),
+        ] {
             let ray = Ray {
                 origin: Vector3::new(4.0, 4.0, 5.0),
                 direction: Vector3::new(ax, ay, -1.0).normalize(),

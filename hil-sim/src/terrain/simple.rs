@@ -130,7 +130,10 @@ mod tests {
 
     #[test]
     fn a_step_has_two_treads_a_riser_and_a_shadow() {
-        let step = Step { x: 2.0, height: 0.5 };
+        let step = Step {
+            x: 2.0,
+            height: 0.5,
+        };
         let z_at = |to| {
             let ray = ray([0.0, 0.0, 2.0], to);
             ray.at(step.cast(&ray, 100.0).unwrap().distance)
@@ -139,7 +142,10 @@ mod tests {
         assert!((z_at([2.0, 0.0, 0.25]) - Vector3::new(2.0, 0.0, 0.25)).norm() < 1e-12);
         assert!((z_at([3.0, 0.0, 0.5]).z - 0.5).abs() < 1e-12);
         // a drop: the edge hides the ground behind it
-        let drop = Step { x: 2.0, height: -0.5 };
+        let drop = Step {
+            x: 2.0,
+            height: -0.5,
+        };
         let over = ray([0.0, 0.0, 2.0], [2.0, 0.0, 0.001]);
         let hit = over.at(drop.cast(&over, 100.0).unwrap().distance);
         assert!(hit.x > 2.4 && (hit.z + 0.5).abs() < 1e-12);
