@@ -5,17 +5,32 @@
 //!
 //! - [`message`]: what is said, in raw device units
 //! - [`frame`]: [`encode`] and [`Decoder`]; feed bytes, pull frames
+//! - [`link`]: one end of a link: handshake, sessions, losses, credit, heartbeat
+//! - [`packing`]: ranges of 12 or 16 bits
+//! - [`counter`]: names of the counters in a [`Status`]
+//! - [`self_test`]: echo, source and sink
 #![no_std]
 #![forbid(unsafe_code)]
 
 mod bytes;
+pub mod counter;
+pub mod credit;
 pub mod frame;
+pub mod handshake;
+pub mod link;
 pub mod message;
+pub mod packing;
+pub mod self_test;
+pub mod sequence;
 
 pub use frame::{
     Broken, BufferFull, Counts, Decoder, Frame, Header, MAX_FRAME, MAX_MESSAGE, Version, encode,
 };
+pub use handshake::{Peer, Refusal};
+pub use link::{Event, Link, Tally, Unsent};
 pub use message::*;
+pub use packing::{Reading, Unpacked};
+pub use self_test::SelfTest;
 
 /// Version of the protocol; peers of another version are refused.
 pub const PROTOCOL: u16 = 1;

@@ -80,6 +80,8 @@ pub struct Hello {
     pub schema: u32,
     /// session of the peer whose greeting the sender has heard, 0 for none yet
     pub heard: u32,
+    /// the sender does not know yet whether it was heard: answer with a greeting
+    pub asking: bool,
     /// what the sender is
     pub role: Role,
     /// name of the device
@@ -92,6 +94,32 @@ pub struct Hello {
     pub map_side: u16,
     /// map resolution in micrometres, 0 where there is none
     pub resolution_um: u32,
+}
+
+impl Hello {
+    /// A greeting in this version of the protocol, without capabilities or a map. Names
+    /// that are too long are cut off.
+    pub fn new(role: Role, device: &str, version: &str) -> Self {
+        Hello {
+            protocol: crate::PROTOCOL,
+            schema: crate::schema_hash(),
+            heard: 0,
+            asking: true,
+            role,
+            device: cut(device),
+            version: cut(version),
+            capabilities: 0,
+            map_side: 0,
+            resolution_um: 0,
+        }
+    }
+}
+
+/// As many characters as fit.
+fn cut<const N: usize>(text: &str) -> String<N> {
+    let mut kept = String::new();
+    let _ = text.chars().try_for_each(|c| kept.push(c));
+    kept
 }
 
 /// What a peer is.

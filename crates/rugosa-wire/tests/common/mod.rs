@@ -39,6 +39,7 @@ pub fn hello() -> Hello {
         protocol: PROTOCOL,
         schema: schema_hash(),
         heard: 0,
+        asking: true,
         role: Role::Module,
         device: text("rugosa mps2-an386"),
         version: text("0.1.0"),

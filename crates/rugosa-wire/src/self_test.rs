@@ -1,0 +1,72 @@
+//! Self-tests of a link, as the best robot links have them: echo, source, sink.
+//!
+//! [`Message::Echo`] comes back as [`Message::EchoReply`] (round-trip time),
+//! [`Message::Source`] asks for a run of [`Message::Sink`] (throughput and losses from
+//! the device), and a sink is counted and thrown away (the same towards the device).
+
+use heapless::Vec;
+
+use crate::message::{MAX_ECHO, Message};
+
+/// The answering side of the self-tests.
+#[derive(Clone, Debug, Default)]
+pub struct SelfTest {
+    echo: Option<Vec<u8, MAX_ECHO>>,
+    index: u32,
+    count: u32,
+    /// sinks received
+    pub sunk: u32,
+}
+
+impl SelfTest {
+    /// Takes a message of a self-test; `false`: it is none.
+    pub fn take(&mut self, message: &Message) -> bool {
+        match message {
+            Message::Echo(bytes) => self.echo = Some(bytes.clone()),
+            Message::Source { count } => (self.index, self.count) = (0, *count),
+            Message::Sink { .. } => self.sunk = self.sunk.wrapping_add(1),
+            _ => return false,
+        }
+        true
+    }
+
+    /// The answer that is due. An echo that comes before the last was answered replaces
+    /// it; the filler of a sink is its index, over and over.
+    pub fn due(&mut self) -> Option<Message> {
+        if let Some(bytes) = self.echo.take() {
+            return Some(Message::EchoReply(bytes));
+        }
+        if self.index >= self.count {
+            return None;
+        }
+        let index = self.index;
+        self.index += 1;
+        let filler = index.to_le_bytes().into_iter().cycle().take(MAX_ECHO);
+        Some(Message::Sink {
+            index,
+            filler: filler.collect(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn echo_source_and_sink() {
+        let mut test = SelfTest::default();
+        assert!(!test.take(&Message::Refresh));
+        assert_eq!(test.due(), None);
+        let bytes = Vec::from_slice(b"hello").unwrap();
+        assert!(test.take(&Message::Source { count: 300 }));
+        assert!(test.take(&Message::Echo(bytes.clone())));
+        assert_eq!(test.due(), Some(Message::EchoReply(bytes)));
+        for i in 0..300 {
+            let sink = test.due().unwrap();
+            assert!(matches!(sink, Message::Sink { index, .. } if index == i));
+            test.take(&sink);
+        }
+        assert_eq!((test.due(), test.sunk), (None, 300));
+    }
+}
