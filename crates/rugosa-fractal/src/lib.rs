@@ -5,4 +5,5 @@
 #[cfg(any(test, feature = "std"))]
 extern crate std;
 
+pub mod roughness;
 pub mod synthesis;

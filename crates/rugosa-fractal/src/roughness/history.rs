@@ -1,0 +1,218 @@
+//! Property test: any history of the map leaves the sums of a pass over all pairs.
+
+extern crate std;
+use super::*;
+use proptest::prelude::*;
+use rugosa_grid::{Cell, Sample, Tile, Tiles, Window};
+use std::collections::{BTreeMap, BTreeSet};
+use std::vec;
+use std::vec::Vec;
+
+const SIDE: usize = 33;
+
+/// Sums without bounds, over samples addressed by absolute cells.
+type Oracle = BTreeMap<(Tile, usize), [i128; 9]>;
+
+fn all_pairs(map: &BTreeMap<Cell, Sample>) -> Oracle {
+    let mut sums = Oracle::new();
+    let lags: Vec<BTreeSet<_>> = (0..LAGS)
+        .map(|l| offsets::offsets(l).iter().collect())
+        .collect();
+    for (a, lower) in map {
+        for (b, upper) in map {
+            let Ok(step) = i8::try_from(b.x - a.x).and_then(|x| Ok((x, i8::try_from(b.y - a.y)?)))
+            else {
+                continue;
+            };
+            if let Some(lag) = lags.iter().position(|lag| lag.contains(&step)) {
+                let dz = i128::from(upper.height) - i128::from(lower.height);
+                let dx =
+                    i128::from(64 * (b.x - a.x) + i32::from(upper.east) - i32::from(lower.east));
+                let dy =
+                    i128::from(64 * (b.y - a.y) + i32::from(upper.north) - i32::from(lower.north));
+                let noise = i128::from(lower.variance) + i128::from(upper.variance);
+                let pair = [
+                    dz.abs(),
+                    dz * dz,
+                    1,
+                    noise,
+                    dz * dx,
+                    dz * dy,
+                    dx * dx,
+                    dx * dy,
+                    dy * dy,
+                ];
+                let entry = sums.entry((Tile::of(*a), lag)).or_default();
+                entry.iter_mut().zip(pair).for_each(|(s, p)| *s += p);
+            }
+        }
+    }
+    sums
+}
+
+fn as_oracle(window: &Window, tiles: &[TileSums]) -> Oracle {
+    let mut sums = Oracle::new();
+    for tile in Tiles::of(window).tiles() {
+        for (lag, s) in tiles[Tiles::of(window).slot(tile).unwrap()]
+            .lags
+            .iter()
+            .enumerate()
+        {
+            let [tx, ty] = s.trend;
+            let [xx, xy, yy] = s.spread;
+            let all = [
+                s.absolute as i128,
+                s.square.into(),
+                s.pairs.into(),
+                s.noise.into(),
+                tx.into(),
+                ty.into(),
+                xx.into(),
+                xy.into(),
+                yy.into(),
+            ];
+            if all != [0; 9] {
+                sums.insert((tile, lag), all);
+            }
+        }
+    }
+    sums
+}
+
+/// A map that does everything by absolute addresses, beside the one under test.
+struct Bench<'m> {
+    window: Window,
+    samples: Vec<Sample>,
+    structure: StructureFunction<'m>,
+    map: BTreeMap<Cell, Sample>,
+    recomputed: u32,
+}
+
+impl Bench<'_> {
+    fn put(&mut self, cell: Cell, sample: Sample) {
+        let Some(slot) = self.window.slot(cell) else {
+            return;
+        };
+        let old = core::mem::replace(&mut self.samples[slot], sample);
+        self.structure
+            .replaced(&self.window, &self.samples, cell, &old);
+        self.map.remove(&cell);
+        if sample.is_measured() {
+            self.map.insert(cell, sample);
+        }
+    }
+
+    fn go(&mut self, dx: i32, dy: i32) {
+        let next = Window::new(SIDE, self.window.origin().offset(dx, dy));
+        for cell in self.window.leaving(&next) {
+            self.put(cell, Sample::default());
+        }
+        self.window = next;
+    }
+
+    fn commit(&mut self) {
+        self.recomputed += self
+            .structure
+            .commit(&self.window, &mut self.samples)
+            .recomputed;
+    }
+}
+
+#[derive(Clone, Debug)]
+enum Act {
+    Put(i32, i32, i16, u16, i8, i8),
+    Clear(i32, i32),
+    Patch(i32, i32, i16),
+    Go(i32, i32),
+    Commit,
+}
+
+fn acts() -> impl Strategy<Value = Act> {
+    let (x, y) = (0..SIDE as i32, 0..SIDE as i32);
+    prop_oneof![
+        20 => (x.clone(), y.clone(), any::<i16>(), any::<u16>(), -32..=32i8, -32..=32i8)
+            .prop_map(|(x, y, h, v, e, n)| Act::Put(x, y, h, v, e, n)),
+        20 => (x.clone(), y.clone(), -300..300i16, 0..90u16, -32..=32i8, -32..=32i8)
+            .prop_map(|(x, y, h, v, e, n)| Act::Put(x, y, h, v, e, n)),
+        6 => (x.clone(), y.clone()).prop_map(|(x, y)| Act::Clear(x, y)),
+        3 => (x, y, any::<i16>()).prop_map(|(x, y, h)| Act::Patch(x, y, h)),
+        1 => (-40..40, -40..40).prop_map(|(x, y)| Act::Go(x, y)),
+        3 => (-3..3, -3..3).prop_map(|(x, y)| Act::Go(x, y)),
+        3 => Just(Act::Commit),
+    ]
+}
+
+fn patch(bench: &mut Bench, x: i32, y: i32, height: i16) {
+    for i in 0..60 {
+        let at = bench.window.origin().offset(x + i % 10, y + i / 10);
+        let sample = Sample::measured(
+            height.wrapping_add((i * i) as i16),
+            i as u16,
+            (i % 32) as i8,
+            -5,
+            0,
+        );
+        bench.put(at, sample);
+    }
+}
+
+fn run(acts: &[Act]) -> u32 {
+    let mut tiles = vec![TileSums::default(); StructureFunction::tiles_needed(SIDE)];
+    let mut block = Block::new();
+    let mut bench = Bench {
+        window: Window::new(SIDE, Cell::new(-11, 5)),
+        samples: vec![Sample::default(); SIDE * SIDE],
+        structure: StructureFunction::new(SIDE, &mut tiles, &mut block),
+        map: BTreeMap::new(),
+        recomputed: 0,
+    };
+    for act in acts {
+        let origin = bench.window.origin();
+        match *act {
+            Act::Put(x, y, h, v, e, n) => {
+                bench.put(origin.offset(x, y), Sample::measured(h, v, e, n, 7))
+            }
+            Act::Clear(x, y) => bench.put(origin.offset(x, y), Sample::seen_through()),
+            Act::Patch(x, y, h) => patch(&mut bench, x, y, h),
+            Act::Go(x, y) => bench.go(x, y),
+            Act::Commit => bench.commit(),
+        }
+    }
+    bench.commit();
+    assert_eq!(
+        as_oracle(&bench.window, bench.structure.tiles()),
+        all_pairs(&bench.map)
+    );
+    bench.recomputed
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+    #[test]
+    fn any_history_equals_a_pass_over_all_pairs(acts in prop::collection::vec(acts(), 1..700)) {
+        run(&acts);
+    }
+}
+
+#[test]
+fn rows_equal_single_pairs() {
+    let level: Vec<_> = (0..20)
+        .map(|i| Act::Patch(i % 5 * 7, i / 5 * 6, 50 * i as i16))
+        .collect();
+    assert!(run(&level) > 10);
+    let steep: Vec<_> = (0..20)
+        .map(|i| Act::Patch(i % 5 * 7, i / 5 * 6, 1500 * i as i16))
+        .collect();
+    assert!(run(&steep) > 10);
+}
+
+#[test]
+fn an_emptied_map_has_no_pairs() {
+    let acts = [
+        Act::Patch(3, 3, 9),
+        Act::Commit,
+        Act::Go(100, -60),
+        Act::Commit,
+    ];
+    run(&acts);
+}

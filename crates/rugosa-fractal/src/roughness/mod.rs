@@ -1,0 +1,21 @@
+//! Fractal roughness: structure function, scaling range, Hurst exponent and dimension.
+//!
+//! samples of a map → [`StructureFunction`] (integer counters per tile and lag) →
+//! [`Pool`] (3 × 3 tiles, or all) → [`estimate()`] → [`Roughness`] or a [`Reason`].
+
+pub mod estimate;
+pub mod offsets;
+pub mod pool;
+pub mod rows;
+pub mod structure;
+pub mod sums;
+
+pub use estimate::{Method, Reason, Roughness, Settings, Trend, estimate};
+pub use offsets::{LAG_CELLS, LAGS, OFFSETS};
+pub use pool::{Moment, Pool};
+pub use rows::Block;
+pub use structure::{Committed, StructureFunction};
+pub use sums::{LagSums, TileSums};
+
+#[cfg(test)]
+mod history;

@@ -1,0 +1,143 @@
+//! Which neighbours of a cell make the pairs of which lag.
+//!
+//! Eight lags of nominally 1, 2, 3, 4, 6, 8, 12 and 16 cells; the offsets of lag d lie in
+//! the annulus | |offset| − d | < ½. Each unordered pair of cells is met once: offsets
+//! lie in the half-plane y > 0, or y = 0 and x > 0, and point from the *lower* member of
+//! the pair to the *upper* one. Together with their opposites the offsets of a lag are
+//! invariant under quarter turns and reflections, so no direction is preferred (test
+//! `the_offsets_of_a_lag_prefer_no_direction`).
+//!
+//! The true distance of a pair comes from the samples' places inside their cells; the
+//! lag only decides which pairs are summed together (Arakawa and Krotkov 1996, § 2.4,
+//! use annuli in the same way).
+
+/// Number of lags.
+pub const LAGS: usize = 8;
+
+/// Nominal lags, in cells.
+pub const LAG_CELLS: [u8; LAGS] = [1, 2, 3, 4, 6, 8, 12, 16];
+
+/// No offset reaches further than this in x or y, in cells.
+pub const REACH: i32 = 16;
+
+/// Offsets of all lags together.
+pub const OFFSETS: usize = START[LAGS] as usize;
+
+/// One (a, b), a ≥ b ≥ 0, stands for all offsets that quarter turns and reflections make of it.
+const ORBITS: [&[(i8, i8)]; LAGS] = [
+    &[(1, 0), (1, 1)],
+    &[(2, 0), (2, 1)],
+    &[(3, 0), (3, 1), (2, 2)],
+    &[(4, 0), (4, 1), (3, 2), (3, 3)],
+    &[(6, 0), (6, 1), (5, 3), (4, 4)],
+    &[(8, 0), (8, 2), (7, 4), (6, 5)],
+    &[(12, 0), (12, 3), (11, 5), (10, 7), (9, 8)],
+    &[(16, 0), (16, 3), (15, 6), (13, 9), (12, 11)],
+];
+
+const START: [u8; LAGS + 1] = starts();
+static TABLE: [(i8, i8); OFFSETS] = table();
+
+/// The offsets (x, y) of lag number `lag`, in cells.
+#[inline]
+pub fn offsets(lag: usize) -> &'static [(i8, i8)] {
+    &TABLE[START[lag] as usize..START[lag + 1] as usize]
+}
+
+/// Mean of |offset|² and of |offset|⁴ over the offsets of a lag, in cells² and cells⁴.
+pub fn nominal_moments(lag: usize) -> (f32, f32) {
+    let mut sums = (0, 0);
+    for &(x, y) in offsets(lag) {
+        let square = i32::from(x) * i32::from(x) + i32::from(y) * i32::from(y);
+        sums = (sums.0 + square, sums.1 + square * square);
+    }
+    let count = offsets(lag).len() as f32;
+    (sums.0 as f32 / count, sums.1 as f32 / count)
+}
+
+/// The members of an orbit in the half-plane; the second half may repeat the first.
+const fn members((a, b): (i8, i8)) -> ([(i8, i8); 4], usize) {
+    let all = [(a, b), (-b, a), (b, a), (-a, b)];
+    (all, if b == 0 || a == b { 2 } else { 4 })
+}
+
+const fn starts() -> [u8; LAGS + 1] {
+    let mut start = [0; LAGS + 1];
+    let mut lag = 0;
+    while lag < LAGS {
+        start[lag + 1] = start[lag];
+        let mut i = 0;
+        while i < ORBITS[lag].len() {
+            start[lag + 1] += members(ORBITS[lag][i]).1 as u8;
+            i += 1;
+        }
+        lag += 1;
+    }
+    start
+}
+
+const fn table() -> [(i8, i8); OFFSETS] {
+    let mut table = [(0, 0); OFFSETS];
+    let (mut lag, mut at) = (0, 0);
+    while lag < LAGS {
+        let mut i = 0;
+        while i < ORBITS[lag].len() {
+            let (all, count) = members(ORBITS[lag][i]);
+            let mut k = 0;
+            while k < count {
+                table[at] = all[k];
+                at += 1;
+                k += 1;
+            }
+            i += 1;
+        }
+        lag += 1;
+    }
+    table
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use super::*;
+    use std::collections::BTreeSet;
+
+    fn full(lag: usize) -> BTreeSet<(i8, i8)> {
+        let both = offsets(lag).iter().flat_map(|&(x, y)| [(x, y), (-x, -y)]);
+        both.collect()
+    }
+
+    #[test]
+    fn the_offsets_of_a_lag_prefer_no_direction() {
+        for lag in 0..LAGS {
+            let full = full(lag);
+            assert_eq!(full.len(), 2 * offsets(lag).len());
+            assert!(
+                full.iter()
+                    .all(|&(x, y)| full.contains(&(-y, x)) && full.contains(&(-x, y)))
+            );
+        }
+    }
+
+    #[test]
+    fn each_offset_lies_in_the_half_annulus_of_one_lag() {
+        let mut seen = BTreeSet::new();
+        for (lag, &nominal) in LAG_CELLS.iter().enumerate() {
+            assert!(offsets(lag).len() <= 24);
+            for &(x, y) in offsets(lag) {
+                let distance = (f64::from(x) * f64::from(x) + f64::from(y) * f64::from(y)).sqrt();
+                assert!((distance - f64::from(nominal)).abs() < 0.5);
+                assert!(y > 0 || (y == 0 && x > 0));
+                assert!(i32::from(x.abs()).max(i32::from(y)) <= REACH);
+                assert!(seen.insert((x, y)));
+            }
+        }
+        assert_eq!(seen.len(), OFFSETS);
+        assert!((80..=110).contains(&OFFSETS));
+    }
+
+    #[test]
+    fn nominal_moments_of_the_first_lag() {
+        assert_eq!(nominal_moments(0), (1.5, 2.5));
+    }
+}

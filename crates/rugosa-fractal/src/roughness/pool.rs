@@ -1,0 +1,180 @@
+//! Sums of several tiles together, and the moments of elevation differences from them.
+//!
+//! One tile holds too few independent pairs for a dimension; a block of 3 × 3 tiles
+//! (24 × 24 cells) is the smallest that is worth one. Sums are pooled as integers, noise
+//! is taken off as an integer, and only then become floating-point moments:
+//!
+//! * raw second moment S² = B / C, first moment E = A / C;
+//! * sensor noise n = N / C;
+//! * trend: the plane g = (Σ G)⁻¹ Σ T over all lags, its part of B is 2 gᵀT − gᵀG g;
+//! * squared distance q = (Gxx + Gyy) / C and its relative variance κ. κ follows from q
+//!   and the lag's nominal offsets, because the samples' places inside their cells add
+//!   equally in x and y: var d² = var d₀² + 2 E d₀² s² + s⁴, s² = q − E d₀².
+//!
+//! Cost: 9 tiles × 8 lags × 10 additions.
+
+use super::offsets::{LAGS, nominal_moments};
+use super::sums::{LagSums, TileSums};
+use rugosa_grid::{TILE, Tile, Tiles, math, sample::PARTS};
+
+/// Sums over several tiles.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Pool {
+    lags: [WideSums; LAGS],
+    tiles: u32,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct WideSums {
+    square: u64,
+    trend: [i64; 2],
+    absolute: u64,
+    pairs: u32,
+    noise: u64,
+    spread: [i64; 3],
+}
+
+/// What one lag says: moments of elevation differences in metres.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Moment {
+    /// number of pairs
+    pub pairs: u32,
+    /// root mean square distance \[m\]
+    pub distance: f32,
+    /// relative variance of the squared distance
+    pub spread: f32,
+    /// mean |Δz| \[m\], sensor noise included
+    pub mean_absolute: f32,
+    /// mean Δz² \[m²\], sensor noise included
+    pub mean_square: f32,
+    /// the sensor noise in it \[m²\]
+    pub noise: f32,
+    /// what the plane of the pool contributes to it \[m²\]
+    pub trend: f32,
+}
+
+impl Pool {
+    /// Nothing.
+    pub fn new() -> Self {
+        Pool::default()
+    }
+
+    /// The 3 × 3 tiles around `tile`, as far as they exist.
+    pub fn around(sums: &[TileSums], tiles: &Tiles, tile: Tile) -> Self {
+        let mut pool = Pool::new();
+        for i in 0..9 {
+            let near = Tile::new(tile.x + i % 3 - 1, tile.y + i / 3 - 1);
+            if let Some(sums) = tiles.slot(near).and_then(|slot| sums.get(slot)) {
+                pool.add(sums);
+            }
+        }
+        pool
+    }
+
+    /// All tiles of a map.
+    pub fn of_all(sums: &[TileSums]) -> Self {
+        let mut pool = Pool::new();
+        sums.iter().for_each(|tile| pool.add(tile));
+        pool
+    }
+
+    /// One tile more.
+    pub fn add(&mut self, tile: &TileSums) {
+        for (wide, sums) in self.lags.iter_mut().zip(&tile.lags) {
+            wide.add(sums);
+        }
+        self.tiles += u32::from(tile.lags.iter().any(|lag| lag.pairs > 0));
+    }
+
+    /// Pairs of all lags.
+    pub fn pairs(&self) -> u32 {
+        self.lags.iter().map(|lag| lag.pairs).sum()
+    }
+
+    /// Edge of a square as large as the tiles that hold pairs \[cells\].
+    pub fn side(&self) -> f32 {
+        TILE as f32 * math::sqrt(self.tiles as f32)
+    }
+
+    /// The moments of all lags, for cells of `resolution` \[m\] and heights in steps of
+    /// `height_step` \[m\].
+    pub fn moments(&self, resolution: f32, height_step: f32) -> [Moment; LAGS] {
+        let gradient = self.gradient();
+        core::array::from_fn(|lag| self.lags[lag].moment(lag, gradient, resolution, height_step))
+    }
+
+    /// The plane that explains most of the pool's differences: (east, north), rise over run.
+    pub fn slope(&self, resolution: f32, height_step: f32) -> (f32, f32) {
+        let scale = height_step * PARTS as f32 / resolution;
+        let [east, north] = self.gradient();
+        (east * scale, north * scale)
+    }
+
+    /// g = (Σ G)⁻¹ Σ T in height steps per 1/64 cell.
+    fn gradient(&self) -> [f32; 2] {
+        let mut t = [0; 2];
+        let mut g = [0; 3];
+        for lag in &self.lags {
+            t = [t[0] + lag.trend[0], t[1] + lag.trend[1]];
+            g = [
+                g[0] + lag.spread[0],
+                g[1] + lag.spread[1],
+                g[2] + lag.spread[2],
+            ];
+        }
+        let [tx, ty] = t.map(|t| t as f32);
+        let [xx, xy, yy] = g.map(|g| g as f32);
+        let determinant = xx * yy - xy * xy;
+        if determinant <= 1e-3 * xx * yy {
+            return [0.0; 2];
+        }
+        [
+            (yy * tx - xy * ty) / determinant,
+            (xx * ty - xy * tx) / determinant,
+        ]
+    }
+}
+
+impl WideSums {
+    fn add(&mut self, sums: &LagSums) {
+        self.square += sums.square;
+        self.absolute += u64::from(sums.absolute);
+        self.pairs += sums.pairs;
+        self.noise += u64::from(sums.noise);
+        for (wide, trend) in self.trend.iter_mut().zip(sums.trend) {
+            *wide += trend;
+        }
+        for (wide, spread) in self.spread.iter_mut().zip(sums.spread) {
+            *wide += i64::from(spread);
+        }
+    }
+
+    fn moment(&self, lag: usize, [gx, gy]: [f32; 2], resolution: f32, height_step: f32) -> Moment {
+        if self.pairs == 0 {
+            return Moment::default();
+        }
+        let share = 1.0 / self.pairs as f32;
+        let [tx, ty] = self.trend.map(|t| t as f32);
+        let [xx, xy, yy] = self.spread.map(|g| g as f32);
+        let trend = gx * (2.0 * tx - gx * xx - 2.0 * gy * xy) + gy * (2.0 * ty - gy * yy);
+        let square = (xx + yy) * share / (PARTS * PARTS) as f32;
+        let area = height_step * height_step * share;
+        Moment {
+            pairs: self.pairs,
+            distance: resolution * math::sqrt(square),
+            spread: spread(lag, square),
+            mean_absolute: self.absolute as f32 * share * height_step,
+            mean_square: self.square as f32 * area,
+            noise: self.noise as f32 * area,
+            trend: trend * area,
+        }
+    }
+}
+
+/// κ = var d² / (E d²)² for a mean squared distance \[cells²\].
+fn spread(lag: usize, square: f32) -> f32 {
+    let (second, fourth) = nominal_moments(lag);
+    let inside = (square - second).max(0.0);
+    let variance = fourth - second * second + 2.0 * second * inside + inside * inside;
+    variance / (square * square)
+}

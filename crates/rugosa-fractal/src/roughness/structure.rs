@@ -1,0 +1,276 @@
+//! The structure function of a moving map, incremental and exact.
+//!
+//! For each tile of 8 × 8 cells and each lag the integer [sums](LagSums) over all pairs of
+//! counted samples are kept, whatever happens to the map. A sweep is one transaction:
+//!
+//! 1. Whenever the sample of a cell was replaced, made or cleared, whatever it was
+//!    before, the caller says so with [`StructureFunction::replaced`]; the old sample's
+//!    pairs are taken out. The new sample is in the plane but not yet counted.
+//! 2. At the end of the sweep [`StructureFunction::commit`] adds the pairs of all new
+//!    samples, once, however often a cell changed in between.
+//!
+//! Before the window moves, the samples that it leaves behind are cleared and reported in
+//! the same way, with the window as it was. A tile whose cells have all gone is then
+//! empty, so its slot in the ring can serve another tile.
+//!
+//! Where only a few samples of a tile change, single pairs are taken out and added; from
+//! [`ROW_WISE_FROM`] changes on, the tile is recomputed row by row at the commit. Both
+//! give the same integers; after any history they equal those of a pass over the current
+//! samples, bit for bit (test `any_history_equals_a_pass_over_all_pairs`).
+//!
+//! Cost: a changed cell meets 2 × [`OFFSETS`](super::OFFSETS) neighbours, whatever the size
+//! and the history of the map; figures in `docs/roughness.md`. Memory: 392 bytes per tile
+//! and one [`Block`].
+
+use super::offsets::{LAGS, REACH, offsets};
+use super::rows::Block;
+use super::sums::{LagSums, TileSums};
+use rugosa_grid::{Cell, Sample, TILE, Tile, Tiles, Window};
+
+/// So many changed samples of a tile make the row-wise pass the cheaper one. The choice
+/// depends on the machine (vector instructions), the result does not.
+pub const ROW_WISE_FROM: u16 = if cfg!(target_arch = "arm") { 20 } else { 6 };
+
+/// What a commit did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Committed {
+    /// samples whose pairs were added
+    pub added: u32,
+    /// tiles recomputed row by row
+    pub recomputed: u32,
+    /// tiles in whose reach something changed; ask [`TileSums::take_changed`]
+    pub changed: u32,
+}
+
+/// The sums of all tiles of a window, over lent memory.
+#[derive(Debug)]
+pub struct StructureFunction<'m> {
+    tiles: &'m mut [TileSums],
+    block: &'m mut Block,
+}
+
+impl<'m> StructureFunction<'m> {
+    /// Starts empty. `tiles` holds [`StructureFunction::tiles_needed`] elements.
+    ///
+    /// # Panics
+    /// If `tiles` is too short for a window of `side` cells.
+    pub fn new(side: usize, tiles: &'m mut [TileSums], block: &'m mut Block) -> Self {
+        let tiles = &mut tiles[..Self::tiles_needed(side)];
+        tiles.fill(TileSums::default());
+        StructureFunction { tiles, block }
+    }
+
+    /// Tiles that a window of `side` = 8 k + 1 cells touches: (k + 1)².
+    pub const fn tiles_needed(side: usize) -> usize {
+        Tiles::per_side(side) * Tiles::per_side(side)
+    }
+
+    /// The sums, tile by tile, in the slots of [`Tiles`].
+    pub fn tiles(&self) -> &[TileSums] {
+        self.tiles
+    }
+
+    /// The sums, to ask [`TileSums::take_changed`] of them.
+    pub fn tiles_mut(&mut self) -> &mut [TileSums] {
+        self.tiles
+    }
+
+    /// The sample of `cell` was `old` and is now what `samples` says; to be called after
+    /// every change of a sample, whatever the old one was. `window` holds the cell.
+    pub fn replaced(&mut self, window: &Window, samples: &[Sample], cell: Cell, old: &Sample) {
+        let pending = old.is_measured() && !old.is_counted();
+        let around = Surroundings::of(window, Tile::of(cell));
+        let Some(own) = self.tiles.get_mut(around.own()) else {
+            return;
+        };
+        own.changes = own.changes.saturating_add(u16::from(!pending));
+        own.stale |= own.changes >= ROW_WISE_FROM;
+        if old.is_counted() {
+            around.mark_changed(self.tiles);
+            let around = around.without_stale(self.tiles);
+            self.each_pair(
+                &around,
+                &Neighbours::of(window, cell),
+                samples,
+                old,
+                |sums, pair| *sums -= pair,
+            );
+        }
+    }
+
+    /// Adds the pairs of all samples that are measured and not counted, and marks them.
+    pub fn commit(&mut self, window: &Window, samples: &mut [Sample]) -> Committed {
+        let mut done = Committed::default();
+        let tiles = Tiles::of(window);
+        for tile in tiles.tiles() {
+            if tiles
+                .slot(tile)
+                .is_some_and(|slot| self.tiles[slot].changes > 0)
+            {
+                done.added += self.add_pending(window, samples, tile);
+            }
+        }
+        for tile in tiles.tiles() {
+            let slot = tiles.slot(tile).unwrap_or_default();
+            done.recomputed += u32::from(self.finish(slot, window, samples, tile));
+            done.changed += u32::from(self.tiles[slot].changed);
+        }
+        done
+    }
+
+    fn add_pending(&mut self, window: &Window, samples: &mut [Sample], tile: Tile) -> u32 {
+        let around = Surroundings::of(window, tile);
+        around.mark_changed(self.tiles);
+        let around = around.without_stale(self.tiles);
+        let mut added = 0;
+        for cell in tile.cells() {
+            let Some(slot) = window.slot(cell) else {
+                continue;
+            };
+            if samples[slot].is_measured() && !samples[slot].is_counted() {
+                if !around.is_empty() {
+                    let (neighbours, sample) = (Neighbours::of(window, cell), samples[slot]);
+                    self.each_pair(&around, &neighbours, samples, &sample, |sums, pair| {
+                        *sums += pair
+                    });
+                }
+                samples[slot].set_counted(true);
+                added += 1;
+            }
+        }
+        added
+    }
+
+    fn finish(&mut self, slot: usize, window: &Window, samples: &[Sample], tile: Tile) -> bool {
+        let sums = &mut self.tiles[slot];
+        sums.changes = 0;
+        let stale = core::mem::take(&mut sums.stale);
+        if stale {
+            sums.lags = self.block.sums(window, samples, tile);
+            sums.changed = true;
+        }
+        stale
+    }
+
+    /// Applies each pair of `sample` with a counted neighbour to the sums it belongs to.
+    #[inline(always)]
+    fn each_pair(
+        &mut self,
+        around: &Surroundings,
+        neighbours: &Neighbours,
+        samples: &[Sample],
+        sample: &Sample,
+        apply: impl Fn(&mut LagSums, &LagSums),
+    ) {
+        for lag in 0..LAGS {
+            let mut own = LagSums::default();
+            for &(x, y) in offsets(lag) {
+                let (x, y) = (i32::from(x), i32::from(y));
+                if let Some(upper) = neighbours.counted(samples, x, y) {
+                    own += &LagSums::of_pair(sample, upper, (x, y));
+                }
+                if let Some(lower) = neighbours.counted(samples, -x, -y)
+                    && let Some(tile) = self.tiles.get_mut(around.tile(neighbours, -x, -y))
+                {
+                    apply(
+                        &mut tile.lags[lag],
+                        &LagSums::of_pair(lower, sample, (x, y)),
+                    );
+                }
+            }
+            if let Some(tile) = self.tiles.get_mut(around.own()) {
+                apply(&mut tile.lags[lag], &own);
+            }
+        }
+    }
+}
+
+/// Tiles to the west and east, and to the south, that offsets reach.
+const TILES_REACHED: i32 = REACH / TILE;
+const ACROSS: usize = 2 * TILES_REACHED as usize + 1;
+const DOWN: usize = TILES_REACHED as usize + 1;
+const NONE: u32 = u32::MAX >> 2;
+
+/// The slots of the tiles that can own a pair with a cell of a tile; `NONE` where there
+/// is none or its sums are not to be touched.
+struct Surroundings([[u32; ACROSS]; DOWN]);
+
+impl Surroundings {
+    fn of(window: &Window, tile: Tile) -> Self {
+        let tiles = Tiles::of(window);
+        Surroundings(core::array::from_fn(|down| {
+            core::array::from_fn(|across| {
+                let x = tile.x.wrapping_add(across as i32 - TILES_REACHED);
+                let y = tile.y.wrapping_sub(down as i32);
+                tiles.slot(Tile::new(x, y)).map_or(NONE, |slot| slot as u32)
+            })
+        }))
+    }
+
+    fn without_stale(mut self, tiles: &[TileSums]) -> Self {
+        for slot in self.0.iter_mut().flatten() {
+            if tiles.get(*slot as usize).is_some_and(|tile| tile.stale) {
+                *slot = NONE;
+            }
+        }
+        self
+    }
+
+    fn mark_changed(&self, tiles: &mut [TileSums]) {
+        for &slot in self.0.iter().flatten() {
+            if let Some(tile) = tiles.get_mut(slot as usize) {
+                tile.changed = true;
+            }
+        }
+    }
+
+    fn is_empty(&self) -> bool {
+        self.0.iter().flatten().all(|&slot| slot == NONE)
+    }
+
+    #[inline(always)]
+    fn own(&self) -> usize {
+        self.0[0][TILES_REACHED as usize] as usize
+    }
+
+    /// The tile of the neighbour (x, y) cells away, y ≤ 0.
+    #[inline(always)]
+    fn tile(&self, neighbours: &Neighbours, x: i32, y: i32) -> usize {
+        let across = ((neighbours.place.0 + x) >> 3) + TILES_REACHED;
+        let down = -((neighbours.place.1 + y) >> 3);
+        self.0[down as usize][across as usize] as usize
+    }
+}
+
+const SPAN: usize = 2 * REACH as usize + 1;
+
+/// Where the neighbours of a cell live in the plane of samples: slot = row + column.
+struct Neighbours {
+    rows: [u32; SPAN],
+    columns: [u32; SPAN],
+    /// the cell's place in its tile
+    place: (i32, i32),
+}
+
+impl Neighbours {
+    fn of(window: &Window, cell: Cell) -> Self {
+        let own = window.slot(cell).unwrap_or_default();
+        let column = own % window.side();
+        let part =
+            |cell, minus: usize| window.slot(cell).map_or(NONE, |slot| (slot - minus) as u32);
+        Neighbours {
+            rows: core::array::from_fn(|i| part(cell.offset(0, i as i32 - REACH), column)),
+            columns: core::array::from_fn(|i| part(cell.offset(i as i32 - REACH, 0), own - column)),
+            place: (cell.x.rem_euclid(TILE), cell.y.rem_euclid(TILE)),
+        }
+    }
+
+    /// The neighbour (x, y) cells away, if the window holds it and it is counted.
+    #[inline(always)]
+    fn counted<'s>(&self, samples: &'s [Sample], x: i32, y: i32) -> Option<&'s Sample> {
+        let slot = self.rows[(y + REACH) as usize] + self.columns[(x + REACH) as usize];
+        samples
+            .get(slot as usize)
+            .filter(|sample| sample.is_counted())
+    }
+}

@@ -1,0 +1,138 @@
+//! The counters of the structure function: integer sums over the pairs of a lag.
+//!
+//! For a pair of samples with elevation difference Δz \[height steps\], variances v_a and
+//! v_b \[height steps²\] and horizontal difference δ = (δx, δy) \[1/64 cell\]:
+//!
+//! | sum | | bound per tile and lag | kept as |
+//! |---|---|---|---|
+//! | A | Σ \|Δz\| | 64 · 18 · 65 535 = 7.5e7 | u32 |
+//! | B | Σ Δz² | 4.9e12 | u64 |
+//! | C | pairs | 1152 | u32 |
+//! | N | Σ (v_a + v_b) | 1.5e8 | u32 |
+//! | T | Σ Δz δ | 8.2e10 | 2 × i64 |
+//! | G | Σ δ δᵀ (so Σ \|δ\|² = Gxx + Gyy) | 64 · 18 · 1088² = 1.4e9 | 3 × i32 |
+//!
+//! Every sum is an integer, so a pair that was added is taken back without a trace: after
+//! any history the sums equal, bit for bit, those of a pass over the current samples
+//! (Arakawa and Krotkov 1996, § 2.4, recompute A and C from all pairs instead).
+
+use super::offsets::LAGS;
+use core::ops::{AddAssign, SubAssign};
+use rugosa_grid::{Sample, sample::PARTS};
+
+/// Sums over the pairs of one lag whose lower member lies in one tile; 48 bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(C)]
+pub struct LagSums {
+    /// B = Σ Δz² \[height steps²\]
+    pub square: u64,
+    /// T = Σ Δz δ \[height steps / 64 cell\], x and y
+    pub trend: [i64; 2],
+    /// A = Σ |Δz| \[height steps\]
+    pub absolute: u32,
+    /// C, the number of pairs
+    pub pairs: u32,
+    /// N = Σ (v_a + v_b) \[height steps²\]
+    pub noise: u32,
+    /// G = Σ δ δᵀ \[(1/64 cell)²\]: xx, xy, yy
+    pub spread: [i32; 3],
+}
+
+impl LagSums {
+    /// The sums of the single pair (lower, upper) whose cells lie `(x, y)` cells apart.
+    #[inline(always)]
+    pub fn of_pair(lower: &Sample, upper: &Sample, (x, y): (i32, i32)) -> Self {
+        let dz = i32::from(upper.height) - i32::from(lower.height);
+        let dx = PARTS * x + i32::from(upper.east) - i32::from(lower.east);
+        let dy = PARTS * y + i32::from(upper.north) - i32::from(lower.north);
+        let magnitude = dz.unsigned_abs();
+        LagSums {
+            square: u64::from(magnitude) * u64::from(magnitude),
+            trend: [i64::from(dz) * i64::from(dx), i64::from(dz) * i64::from(dy)],
+            absolute: magnitude,
+            pairs: 1,
+            noise: u32::from(lower.variance) + u32::from(upper.variance),
+            spread: [dx * dx, dx * dy, dy * dy],
+        }
+    }
+}
+
+impl AddAssign<&LagSums> for LagSums {
+    #[inline(always)]
+    fn add_assign(&mut self, other: &LagSums) {
+        self.square += other.square;
+        self.absolute += other.absolute;
+        self.pairs += other.pairs;
+        self.noise += other.noise;
+        for axis in 0..2 {
+            self.trend[axis] += other.trend[axis];
+        }
+        for part in 0..3 {
+            self.spread[part] += other.spread[part];
+        }
+    }
+}
+
+impl SubAssign<&LagSums> for LagSums {
+    #[inline(always)]
+    fn sub_assign(&mut self, other: &LagSums) {
+        self.square -= other.square;
+        self.absolute -= other.absolute;
+        self.pairs -= other.pairs;
+        self.noise -= other.noise;
+        for axis in 0..2 {
+            self.trend[axis] -= other.trend[axis];
+        }
+        for part in 0..3 {
+            self.spread[part] -= other.spread[part];
+        }
+    }
+}
+
+/// The counters of one tile and what the current transaction knows of it; 392 bytes.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct TileSums {
+    /// the sums, lag by lag
+    pub lags: [LagSums; LAGS],
+    /// samples of the tile that changed since the last commit
+    pub(super) changes: u16,
+    /// its sums are out of date: recompute them at the commit
+    pub(super) stale: bool,
+    /// its sums differ from what the reader of [`TileSums::take_changed`] last saw
+    pub(super) changed: bool,
+}
+
+impl TileSums {
+    /// Did the sums change since this was last asked? Asking resets it.
+    pub fn take_changed(&mut self) -> bool {
+        core::mem::take(&mut self.changed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_as_stated() {
+        assert_eq!(core::mem::size_of::<LagSums>(), 48);
+        assert_eq!(core::mem::size_of::<TileSums>(), 392);
+    }
+
+    #[test]
+    fn the_bounds_fit_at_the_extremes() {
+        let low = Sample::measured(i16::MIN, u16::MAX, -32, -32, 0);
+        let high = Sample::measured(i16::MAX, u16::MAX, 32, 32, 0);
+        let (mut sums, pair) = (LagSums::default(), LagSums::of_pair(&low, &high, (16, 16)));
+        for _ in 0..64 * 18 {
+            sums += &pair;
+        }
+        assert_eq!(sums.square, 1152 * 65_535 * 65_535);
+        assert_eq!(sums.trend, [1152 * 65_535 * 1088; 2]);
+        assert_eq!(sums.spread, [1152 * 1088 * 1088; 3]);
+        for _ in 0..64 * 18 {
+            sums -= &pair;
+        }
+        assert_eq!(sums, LagSums::default());
+    }
+}
