@@ -4,6 +4,7 @@
 //! [`Pool`] (3 × 3 tiles, or all) → [`estimate()`] → [`Roughness`] or a [`Reason`].
 
 pub mod estimate;
+mod fit;
 pub mod offsets;
 pub mod pool;
 pub mod rows;
@@ -19,3 +20,5 @@ pub use sums::{LagSums, TileSums};
 
 #[cfg(test)]
 mod history;
+#[cfg(all(test, feature = "std"))]
+mod surfaces;

@@ -203,6 +203,7 @@ struct LaneSums {
 
 impl LaneSums {
     #[inline(always)]
+    #[allow(clippy::needless_range_loop)] // one lane of many arrays
     fn add(&mut self, square: &mut [u32; LANES], lower: &Row, upper: &Row, (x, y): (i8, i8)) {
         for k in 0..LANES {
             let mask = i32::from(lower.mask[k] & upper.mask[k]);

@@ -1,0 +1,203 @@
+//! Fit of a power law V(d) = σ² d^{2H} to corrected second moments with correlated errors.
+//!
+//! Errors of neighbouring lags are nearly the same error: a region that happens to be
+//! rough is rough at all lags. What blurs the slope is only how V/m *changes* from lag to
+//! lag. That is modelled as a random walk over distance plus the pairs' own scatter:
+//!
+//!   V_k / m_k − 1 = common + w_k + e_k,
+//!   var(w_k − w_{k−1}) = c(H) (d_k − d_{k−1}) / L,   c(H) = 0.2 H √(1 − H),
+//!   var e_k = s (1 + n_k / m_k)² / C_k,
+//!
+//! with L the region's side and s = 2.6 (second moment; pairs that share a sample are not
+//! independent, so more than the 2 of independent pairs). c was found from the covariance
+//! of the moments of simulated surfaces; it brings the standard deviation of H within a
+//! few per cent of generalised least squares with the simulated covariance itself, and
+//! below that of independent errors with weights 1/(2/C + 3 (d/L)²), by a quarter on
+//! sparse rough ground. The standard error of H follows from the same model (test
+//! `stated_errors_are_right_within_30_percent`).
+//!
+//! The random walk is taken out by its own scalar Kalman filter: the innovations of the
+//! three series y, 1 and 2 ln d are independent with known variance, and an ordinary
+//! weighted regression remains. The model's m depends on the result, so this is iterated
+//! (Gauss and Newton). Cost: about 90 operations and one exponential per lag and round.
+
+use super::estimate::Reason;
+use rugosa_grid::math;
+
+/// One lag.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Point {
+    pub distance: f32,
+    pub log_distance: f32,
+    /// relative variance of the squared distances, κ
+    pub spread: f32,
+    pub pairs: u32,
+    /// V, corrected second moment \[m²\]
+    pub value: f32,
+    /// n, noise in the raw moment \[m²\]
+    pub noise: f32,
+    /// s / C
+    pub scatter: f32,
+}
+
+/// ln V = level + 2 H ln d.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Fit {
+    pub level: f32,
+    pub hurst: f32,
+    pub standard_error: f32,
+    /// weighted rms of ln σ(d) around the line
+    pub residual: f32,
+    /// Σ innovation² / its variance, per degree of freedom
+    pub chi_square: f32,
+}
+
+const ROUNDS: usize = 4;
+
+impl Fit {
+    /// The line through `points` (at least two) of a region of `side` \[m\].
+    pub fn new(points: &[Point], side: f32) -> Result<Self, Reason> {
+        let mut fit = Fit::first(points)?;
+        for _ in 0..ROUNDS {
+            fit = fit.improved(points, side)?;
+        }
+        Ok(fit)
+    }
+
+    /// Through the logarithms of those values that stand out of the noise.
+    fn first(points: &[Point]) -> Result<Self, Reason> {
+        let mut line = Line::default();
+        let mut used = 0;
+        for point in points.iter().filter(|p| p.value > 0.0) {
+            let noisy = 1.0 + point.noise / point.value;
+            let weight = 1.0 / (point.scatter * noisy * noisy + 0.01);
+            line.add(
+                [math::ln(point.value), 1.0, 2.0 * point.effective(0.5)],
+                weight,
+            );
+            used += 1;
+        }
+        let [level, hurst] = line.solve();
+        if used < 2 || !level.is_finite() || !hurst.is_finite() {
+            return Err(Reason::Noise);
+        }
+        Ok(Fit {
+            level,
+            hurst: hurst.clamp(0.02, 1.2),
+            standard_error: 0.0,
+            residual: 0.0,
+            chi_square: 0.0,
+        })
+    }
+
+    fn improved(&self, points: &[Point], side: f32) -> Result<Self, Reason> {
+        let step = walk_rate(self.hurst) / side;
+        let mut walk = Walk::default();
+        let mut line = Line::default();
+        let mut direct = Line::default();
+        let mut last = points[0].distance;
+        for point in points {
+            let x = 2.0 * point.effective(self.hurst);
+            let model = math::exp(self.level + self.hurst * x);
+            let excess = (point.value / model - 1.0).clamp(-1.0, 2.0);
+            let noisy = 1.0 + point.noise / model;
+            let scatter = point.scatter * noisy * noisy;
+            let (innovation, weight) =
+                walk.innovation([excess, 1.0, x], step * (point.distance - last), scatter);
+            last = point.distance;
+            line.add(innovation, weight);
+            direct.add([excess, 1.0, x], weight);
+        }
+        let [level, hurst] = line.solve();
+        if !level.is_finite() || !hurst.is_finite() {
+            return Err(Reason::Noise);
+        }
+        let freedom = (points.len() as f32 - 2.0).max(1.0);
+        Ok(Fit {
+            level: self.level + level,
+            hurst: self.hurst + hurst,
+            standard_error: line.standard_error(),
+            residual: 0.5 * math::sqrt(direct.residual([level, hurst]) / direct.weight()),
+            chi_square: line.residual([level, hurst]) / freedom,
+        })
+    }
+}
+
+impl Point {
+    /// ln of the distance that stands for all distances of the lag at exponent `hurst`.
+    fn effective(&self, hurst: f32) -> f32 {
+        self.log_distance + 0.25 * (hurst.clamp(0.0, 1.0) - 1.0) * self.spread
+    }
+}
+
+/// c(H), variance of the change of V/m over one region's side.
+fn walk_rate(hurst: f32) -> f32 {
+    let hurst = hurst.clamp(0.05, 0.95);
+    0.2 * hurst * math::sqrt(1.0 - hurst)
+}
+
+/// The Kalman filter of a random walk seen with white noise, for three series at once.
+#[derive(Default)]
+struct Walk {
+    mean: [f32; 3],
+    variance: f32,
+}
+
+impl Walk {
+    /// The innovations of the series and 1 / their variance.
+    fn innovation(&mut self, series: [f32; 3], step: f32, scatter: f32) -> ([f32; 3], f32) {
+        self.variance += step;
+        let weight = 1.0 / (self.variance + scatter);
+        let innovation = core::array::from_fn(|i| series[i] - self.mean[i]);
+        let gain = self.variance * weight;
+        for (mean, new) in self.mean.iter_mut().zip(innovation) {
+            *mean += gain * new;
+        }
+        self.variance *= scatter * weight;
+        (innovation, weight)
+    }
+}
+
+/// Normal equations of y = level · u + slope · x, with weights.
+#[derive(Default)]
+struct Line {
+    yy: f32,
+    uy: f32,
+    xy: f32,
+    uu: f32,
+    ux: f32,
+    xx: f32,
+}
+
+impl Line {
+    fn add(&mut self, [y, u, x]: [f32; 3], weight: f32) {
+        let (wu, wx) = (weight * u, weight * x);
+        self.yy += weight * y * y;
+        self.uy += wu * y;
+        self.xy += wx * y;
+        self.uu += wu * u;
+        self.ux += wu * x;
+        self.xx += wx * x;
+    }
+
+    fn determinant(&self) -> f32 {
+        self.uu * self.xx - self.ux * self.ux
+    }
+
+    fn solve(&self) -> [f32; 2] {
+        let slope = (self.uu * self.xy - self.ux * self.uy) / self.determinant();
+        [(self.uy - slope * self.ux) / self.uu, slope]
+    }
+
+    fn standard_error(&self) -> f32 {
+        math::sqrt(self.uu / self.determinant())
+    }
+
+    fn residual(&self, [level, slope]: [f32; 2]) -> f32 {
+        (self.yy - level * self.uy - slope * self.xy).max(0.0)
+    }
+
+    fn weight(&self) -> f32 {
+        self.uu
+    }
+}
