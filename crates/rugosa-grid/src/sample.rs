@@ -42,6 +42,16 @@ const SEEN_THROUGH: u8 = 2;
 const COUNTED: u8 = 4;
 
 impl Sample {
+    /// An unknown cell.
+    pub const UNKNOWN: Sample = Sample {
+        height: 0,
+        variance: 0,
+        east: 0,
+        north: 0,
+        depression: 0,
+        flags: 0,
+    };
+
     /// A measured sample, not counted yet.
     pub fn measured(height: i16, variance: u16, east: i8, north: i8, depression: u8) -> Self {
         Sample {

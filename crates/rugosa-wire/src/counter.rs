@@ -47,6 +47,7 @@ counters! {
     LINES_DUPLICATES "lines.rejected.duplicates" "line segments that came twice in a sweep"
     LINES_STALE "lines.rejected.stale" "lines of a sweep that had ended"
     LINES_LOST "lines.lost" "lines a sweep end counted and that never came"
+    DESCRIPTIONS_REFUSED "descriptions.refused" "scanner descriptions and tables that could not be used"
     POSES_RECEIVED "poses.received" "poses received"
     POSES_INVALID "poses.rejected.invalid" "poses that are not finite or not rotations"
     POSES_TIME_BACKWARDS "poses.rejected.time_backwards" "poses not newer than the one before"

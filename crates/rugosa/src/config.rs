@@ -288,6 +288,14 @@ impl Config {
         Ok(())
     }
 
+    /// Sets a parameter that may change while a map is kept.
+    pub fn set_live(&mut self, index: u8, value: f32) -> Result<(), ConfigError> {
+        match PARAMETERS.get(index as usize) {
+            Some(parameter) if !parameter.live => Err(ConfigError::Fixed(index)),
+            _ => self.set(index, value),
+        }
+    }
+
     /// Number of the parameter called `name`.
     pub fn index_of(name: &str) -> Option<u8> {
         PARAMETERS

@@ -102,7 +102,27 @@ pub struct TileSums {
     pub(super) changed: bool,
 }
 
+impl LagSums {
+    /// No pairs.
+    pub const EMPTY: LagSums = LagSums {
+        square: 0,
+        trend: [0; 2],
+        absolute: 0,
+        pairs: 0,
+        noise: 0,
+        spread: [0; 3],
+    };
+}
+
 impl TileSums {
+    /// No pairs.
+    pub const EMPTY: TileSums = TileSums {
+        lags: [LagSums::EMPTY; LAGS],
+        changes: 0,
+        stale: false,
+        changed: false,
+    };
+
     /// Did the sums change since this was last asked? Asking resets it.
     pub fn take_changed(&mut self) -> bool {
         core::mem::take(&mut self.changed)

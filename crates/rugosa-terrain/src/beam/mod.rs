@@ -58,6 +58,9 @@ pub struct Trig {
 }
 
 impl Trig {
+    /// Of the angle 0.
+    pub const ZERO: Trig = Trig { sin: 0.0, cos: 1.0 };
+
     /// Of an angle in radians.
     pub fn of(angle: f32) -> Self {
         Trig {
@@ -69,12 +72,12 @@ impl Trig {
 
 impl Default for Trig {
     fn default() -> Self {
-        Trig { sin: 0.0, cos: 1.0 }
+        Trig::ZERO
     }
 }
 
 /// What a line has in common.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LineTrig {
     /// its inclination
     pub inclination: Trig,
@@ -82,6 +85,21 @@ pub struct LineTrig {
     pub azimuth_offset: Trig,
     /// tan(θ + φ/2) of the Perceptron's second mirror; 0 for the spherical model
     pub mirror: f32,
+}
+
+impl LineTrig {
+    /// Of the angles 0.
+    pub const ZERO: LineTrig = LineTrig {
+        inclination: Trig::ZERO,
+        azimuth_offset: Trig::ZERO,
+        mirror: 0.0,
+    };
+}
+
+impl Default for LineTrig {
+    fn default() -> Self {
+        LineTrig::ZERO
+    }
 }
 
 /// The beams of a scanner: geometry and tables.

@@ -31,6 +31,18 @@ pub struct GroundCell {
     pub(super) last_sweep: u16,
 }
 
+impl GroundCell {
+    /// A cell without returns.
+    pub const EMPTY: GroundCell = GroundCell {
+        elevation: 0.0,
+        variance: 0.0,
+        min: 0,
+        max: 0,
+        tally: 0,
+        last_sweep: 0,
+    };
+}
+
 const COUNT_BITS: u32 = 13;
 const COUNT_MAX: u16 = (1 << COUNT_BITS) - 1;
 /// Most gated returns in a row that a cell can count.

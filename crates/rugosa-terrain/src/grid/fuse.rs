@@ -140,13 +140,13 @@ impl ElevationGrid<'_> {
         self.fuse_hit(&hit, || point.depression)
     }
 
-    /// Fuses points \[m\] of the sensor frame; `forget(window, samples, cell, old)` is
-    /// called for each measured sample that was replaced.
+    /// Fuses points \[m\] of the sensor frame; `replaced(window, samples, cell, old)`
+    /// is called for each cell that has a new sample.
     pub fn fuse_points(
         &mut self,
         points: &[[f32; 3]],
         view: &View,
-        mut forget: impl FnMut(&Window, &[Sample], Cell, &Sample),
+        mut replaced: impl FnMut(&Window, &[Sample], Cell, &Sample),
     ) -> Tally {
         let mut tally = Tally::default();
         let mut stripe = Stripe::new(view);
@@ -155,10 +155,8 @@ impl ElevationGrid<'_> {
             for i in 0..block.len() {
                 let fused = self.fuse_hit(&stripe.hit(i), || stripe.depression(i));
                 tally.add(&fused);
-                if let Fused::Sampled { cell, old } | Fused::Restarted { cell, old } = fused
-                    && old.is_measured()
-                {
-                    forget(&self.window, self.samples, cell, &old);
+                if let Fused::Sampled { cell, old } | Fused::Restarted { cell, old } = fused {
+                    replaced(&self.window, self.samples, cell, &old);
                 }
             }
         }

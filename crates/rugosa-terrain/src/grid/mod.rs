@@ -105,6 +105,27 @@ impl<'m> ElevationGrid<'m> {
         &self.config
     }
 
+    /// Takes over the gate, the clearing margin and the like; resolution, height step and
+    /// choice of samples stay.
+    pub fn configure(&mut self, config: GridConfig) -> Result<(), GridError> {
+        let config = GridConfig {
+            resolution: self.config.resolution,
+            height_step: self.config.height_step,
+            sample: self.config.sample,
+            ..config
+        };
+        config.validate()?;
+        (self.config, self.gate) = (config, config.gate());
+        Ok(())
+    }
+
+    /// The sweep (its low 16 bits) that touched a cell last; 0 outside the window.
+    pub fn last_sweep(&self, cell: Cell) -> u16 {
+        self.window
+            .slot(cell)
+            .map_or(0, |slot| self.cells[slot].last_sweep)
+    }
+
     /// Metres ↔ cells.
     pub fn lattice(&self) -> &Lattice {
         &self.lattice

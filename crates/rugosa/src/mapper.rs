@@ -1,0 +1,509 @@
+//! The pipeline: lines in, grid and counters updated; at the end of a sweep roughness.
+//!
+//! ```text
+//! line → pose at its time → ray of each range → point with variance → cell and sample
+//! sweep end → new samples into the counters → roughness of the tiles that changed
+//! ```
+//!
+//! Work per return does not depend on the size or the history of the map. All state is
+//! in lent memory ([`Memory`]); nothing is allocated. The same messages give the same
+//! bits on every platform.
+
+use crate::config::{Config, ConfigError, Moment, SampleRule};
+use crate::counters::{Counters, Returns};
+use crate::ingest::{self, Scanner};
+use crate::memory::Memory;
+use crate::progress::{Place, Progress};
+use crate::report::{Stage, SweepReport};
+use crate::tiles::{Ground, TileGround};
+use nalgebra::Isometry3;
+use rugosa_fractal::roughness::{
+    Committed, Method, Pool, Settings, StructureFunction, Trend, estimate,
+};
+use rugosa_grid::{Cell, Lattice, State, Tile, Tiles, Window};
+use rugosa_terrain::grid::{Point, Tally, View};
+use rugosa_terrain::{
+    ElevationGrid, Fused, GridConfig, Noise, PoseBuffer, PoseError, Ray, SampleChoice,
+};
+use rugosa_wire::{
+    BeamTable, Configure, Message, PoseStamp, ScanLine, ScannerDescription, SweepEnd, Verdict,
+    counter,
+};
+
+/// The mapper: scanner, poses, grid, counters, roughness.
+pub struct Mapper<'m> {
+    config: Config,
+    scanner: Scanner<'m>,
+    poses: PoseBuffer,
+    progress: Progress<'m>,
+    pub(crate) surface: Surface<'m>,
+    counters: Counters,
+    /// returns until the next beam is followed to clear ghosts
+    until_ghost: u32,
+}
+
+/// Elevations, their statistics, and what is derived by tile; changes go through here,
+/// so that a sample never changes without its pairs.
+pub(crate) struct Surface<'m> {
+    pub(crate) grid: ElevationGrid<'m>,
+    structure: StructureFunction<'m>,
+    pub(crate) ground: Ground<'m>,
+}
+
+impl<'m> Mapper<'m> {
+    /// A mapper with an empty map around the origin; the side follows from the memory.
+    pub fn new(config: Config, memory: Memory<'m>) -> Result<Self, ConfigError> {
+        config.check()?;
+        let side = memory.side()?;
+        let window = Window::around(side, Cell::new(0, 0));
+        let grid = ElevationGrid::new(grid_config(&config), window, memory.cells, memory.samples)
+            .map_err(|_| ConfigError::Memory("cells"))?;
+        Ok(Mapper {
+            config,
+            scanner: Scanner::unknown(memory.columns, memory.lines),
+            poses: pose_buffer(&config),
+            progress: Progress::new(memory.received),
+            surface: Surface {
+                grid,
+                structure: StructureFunction::new(side, memory.tiles, memory.block),
+                ground: Ground::new(memory.ground),
+            },
+            counters: Counters::new(),
+            until_ghost: 0,
+        })
+    }
+
+    /// Takes any message; the report of a sweep when it ends one.
+    pub fn message(&mut self, message: &Message) -> Option<SweepReport> {
+        match message {
+            Message::Scanner(description) => self.describe(description),
+            Message::BeamTable(table) => self.table(table),
+            Message::Pose(stamp) => self.pose(stamp),
+            Message::Line(line) => return self.line(line),
+            Message::SweepEnd(end) => return self.sweep_end(end),
+            Message::Configure(configure) => {
+                self.configure(configure);
+            }
+            _ => {}
+        }
+        None
+    }
+
+    /// The scanner describes itself; a description that cannot be used is counted and
+    /// leaves the former one.
+    pub fn describe(&mut self, description: &ScannerDescription) {
+        if self.scanner.describe(description).is_err() {
+            self.counters.count(counter::DESCRIPTIONS_REFUSED);
+        }
+    }
+
+    /// A piece of a table of angles.
+    pub fn table(&mut self, table: &BeamTable) {
+        if self.scanner.table(table).is_err() {
+            self.counters.count(counter::DESCRIPTIONS_REFUSED);
+        }
+    }
+
+    /// Where the body was.
+    pub fn pose(&mut self, stamp: &PoseStamp) {
+        self.counters.count(counter::POSES_RECEIVED);
+        let pushed = match ingest::pose_of(stamp) {
+            Some(pose) => self.poses.push(stamp.stamp_us, &pose),
+            None => Err(PoseError::Invalid),
+        };
+        match pushed {
+            Ok(()) => {}
+            Err(PoseError::Invalid) => self.counters.count(counter::POSES_INVALID),
+            Err(PoseError::Backwards) => self.counters.count(counter::POSES_TIME_BACKWARDS),
+        }
+    }
+
+    /// One scan line → grid and counters. The first line of a later sweep ends a sweep
+    /// whose end never came; its report is returned.
+    pub fn line(&mut self, line: &ScanLine) -> Option<SweepReport> {
+        self.counters.count(counter::LINES_RECEIVED);
+        match self.admit(line) {
+            Ok((place, pose)) => {
+                let ended = (place == Place::Next)
+                    .then(|| self.begin_sweep(line))
+                    .flatten();
+                self.progress.take(line);
+                self.counters.count(counter::LINES_USED);
+                self.map(line, &pose);
+                ended
+            }
+            Err(cause) => {
+                self.counters.count(cause);
+                None
+            }
+        }
+    }
+
+    /// The line's pose, or the counter of the cause why it cannot be mapped.
+    fn admit(&self, line: &ScanLine) -> Result<(Place, Isometry3<f32>), usize> {
+        let scanner = self.scanner.ready().ok_or(counter::LINES_NO_DESCRIPTION)?;
+        let end = u32::from(line.first_column) + u32::from(line.returns);
+        if line.line >= scanner.lines || end > u32::from(scanner.columns) {
+            return Err(counter::LINES_UNKNOWN_PLACE);
+        }
+        if line.readings().is_none() {
+            return Err(counter::LINES_MALFORMED);
+        }
+        let place = self.progress.place(line)?;
+        let span_ns = u64::from(scanner.column_period_ns) * u64::from(line.returns);
+        let body = self.poses.at(line.stamp_us + span_ns / 2000);
+        let body = body.map_err(|_| counter::LINES_NO_POSE)?;
+        Ok((place, body * self.scanner.mount))
+    }
+
+    fn map(&mut self, line: &ScanLine, map_from_sensor: &Isometry3<f32>) {
+        let Some(description) = self.scanner.ready() else {
+            return;
+        };
+        let rays = self
+            .scanner
+            .beams
+            .rays(usize::from(line.line), map_from_sensor);
+        let (Some(rays), Some(readings)) = (rays, line.readings()) else {
+            return;
+        };
+        let (sweep, first) = (line.sweep as u16, usize::from(line.first_column));
+        let mut returns = Returns::default();
+        for (i, reading) in readings.enumerate() {
+            let range = ingest::range(reading, description.metres_per_count);
+            match self.scanner.limits.check(range) {
+                Ok(range) => {
+                    let Some(ray) = rays.ray(first + i, range) else {
+                        continue;
+                    };
+                    let fused = self.surface.fuse(&ray.measured(&self.scanner.noise), sweep);
+                    returns.fused.add(&fused);
+                    if due(&mut self.until_ghost, self.config.ghost_stride) {
+                        self.surface.see_through(&ray, sweep);
+                    }
+                }
+                Err(fault) => returns.fault(fault),
+            }
+        }
+        returns.enter(&mut self.counters);
+    }
+
+    /// Maps points \[m\] of the sensor frame, all seen from one pose (map ← sensor), as a
+    /// part of sweep `view.sweep`: for clouds from elsewhere. End the sweep with
+    /// [`Mapper::commit`].
+    pub fn points(&mut self, points: &[[f32; 3]], view: &View) {
+        let fused = self.surface.fuse_points(points, view);
+        let returns = Returns {
+            fused,
+            ..Returns::default()
+        };
+        returns.enter(&mut self.counters);
+    }
+
+    fn begin_sweep(&mut self, line: &ScanLine) -> Option<SweepReport> {
+        let ended = self.progress.is_open().then(|| {
+            self.progress.abandon();
+            self.counters.count(counter::SWEEPS_INCOMPLETE);
+            self.commit(&mut |_| {})
+        });
+        if let Some((_, body)) = self.poses.last() {
+            self.follow(&body);
+        }
+        self.progress.begin(line);
+        ended
+    }
+
+    /// Moves the map when the robot has come far from its centre.
+    pub fn follow(&mut self, body: &Isometry3<f32>) {
+        let position = body.translation.vector;
+        let (cell, ..) = self.lattice().locate(position.x, position.y);
+        let centre = self.window().centre();
+        let far = cell.x.abs_diff(centre.x).max(cell.y.abs_diff(centre.y));
+        if far as f32 * self.config.resolution > self.config.move_distance {
+            self.surface.move_to(cell);
+            self.counters.count(counter::MAP_MOVES);
+        }
+        if self.surface.follow_height(position.z) {
+            self.counters.count(counter::MAP_REBASES);
+        }
+    }
+
+    /// The end of a sweep closes the transaction; `None` where it is not of the sweep in
+    /// progress.
+    pub fn sweep_end(&mut self, end: &SweepEnd) -> Option<SweepReport> {
+        self.sweep_end_observed(end, &mut |_| {})
+    }
+
+    /// The same; `observe` is called after each stage, to measure costs.
+    pub fn sweep_end_observed(
+        &mut self,
+        end: &SweepEnd,
+        observe: &mut dyn FnMut(Stage),
+    ) -> Option<SweepReport> {
+        let missing = self.progress.end(end.sweep, end.lines)?;
+        self.counters.add(counter::LINES_LOST, missing);
+        if missing > 0 {
+            self.counters.count(counter::SWEEPS_INCOMPLETE);
+        }
+        Some(self.commit(observe))
+    }
+
+    /// New samples enter the counters; what depends on them is refreshed.
+    pub fn commit(&mut self, observe: &mut dyn FnMut(Stage)) -> SweepReport {
+        let settings = self.settings();
+        let committed = self.surface.commit();
+        observe(Stage::Counters);
+        let refreshed = self.surface.refresh(&settings);
+        observe(Stage::Roughness);
+        self.counters.count(counter::SWEEPS);
+        let survey = self.surface.survey(self.progress.sweep() as u16);
+        self.counters.set(counter::CELLS_MEASURED, survey.measured);
+        self.counters
+            .set(counter::CELLS_SEEN_THROUGH, survey.seen_through);
+        SweepReport {
+            sweep: self.progress.sweep(),
+            lines: self.progress.lines(),
+            samples: committed.added,
+            tiles: refreshed,
+            measured: survey.measured,
+            roughness: estimate(&self.pool(), &settings),
+        }
+    }
+
+    /// Sets a parameter that may change while a map is kept.
+    pub fn configure(&mut self, configure: &Configure) -> Verdict {
+        let verdict = self.try_configure(configure);
+        self.counters.count(match verdict {
+            Verdict::Accepted => counter::CONFIGURE_ACCEPTED,
+            _ => counter::CONFIGURE_REFUSED,
+        });
+        verdict
+    }
+
+    fn try_configure(&mut self, configure: &Configure) -> Verdict {
+        let mut config = self.config;
+        match config.set_live(configure.parameter, configure.value) {
+            Ok(()) => {
+                self.config = config;
+                self.poses.hold_us = hold_us(&config);
+                let _ = self.surface.grid.configure(grid_config(&config));
+                self.surface.ground.all_stale();
+                Verdict::Accepted
+            }
+            Err(ConfigError::UnknownParameter(_)) => Verdict::UnknownParameter,
+            Err(ConfigError::Fixed(_)) => Verdict::Unsupported,
+            Err(_) => Verdict::OutOfRange,
+        }
+    }
+
+    /// The scanner's clock or session has started afresh: poses and the sweep in progress
+    /// are forgotten, the map stays.
+    pub fn new_session(&mut self) {
+        self.poses.clear();
+        self.progress.forget();
+    }
+
+    /// How roughness is estimated.
+    pub fn settings(&self) -> Settings {
+        Settings {
+            method: match self.config.moment {
+                Moment::First => Method::Yokoya,
+                Moment::Second => Method::Pentland,
+            },
+            trend: if self.config.detrend {
+                Trend::RemoveSignificant
+            } else {
+                Trend::Keep
+            },
+            least_pairs: self.config.min_pairs as u32,
+            ..Settings::new(self.config.resolution, self.config.height_step())
+        }
+    }
+
+    /// The pooled counters of the whole map.
+    pub fn pool(&self) -> Pool {
+        Pool::of_all(self.surface.structure.tiles())
+    }
+
+    /// The pooled counters of the 3 × 3 tiles around one.
+    pub fn pool_around(&self, tile: Tile) -> Pool {
+        Pool::around(
+            self.surface.structure.tiles(),
+            &Tiles::of(self.window()),
+            tile,
+        )
+    }
+
+    /// The configuration.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// Metres ↔ cells.
+    pub fn lattice(&self) -> &Lattice {
+        self.surface.grid.lattice()
+    }
+
+    /// The cells that are held.
+    pub fn window(&self) -> &Window {
+        self.surface.grid.window()
+    }
+
+    /// Number of the sweep in progress or of the last one.
+    pub fn sweep(&self) -> u32 {
+        self.progress.sweep()
+    }
+
+    /// The elevation grid.
+    pub fn grid(&self) -> &ElevationGrid<'m> {
+        &self.surface.grid
+    }
+
+    /// What is known of a tile; `None` outside the window.
+    pub fn tile(&self, tile: Tile) -> Option<&TileGround> {
+        self.surface.ground.get(&Tiles::of(self.window()), tile)
+    }
+
+    /// The last pose that arrived.
+    pub fn last_pose(&self) -> Option<(u64, Isometry3<f32>)> {
+        self.poses.last()
+    }
+
+    /// All counters.
+    pub fn counters(&self) -> &Counters {
+        &self.counters
+    }
+
+    /// The counters, for levels and costs that are measured outside.
+    pub fn counters_mut(&mut self) -> &mut Counters {
+        &mut self.counters
+    }
+
+    /// The scanner's noise model.
+    pub fn noise(&self) -> &Noise {
+        &self.scanner.noise
+    }
+}
+
+impl Surface<'_> {
+    #[inline]
+    fn fuse(&mut self, point: &Point, sweep: u16) -> Fused {
+        let fused = self.grid.fuse(point, sweep);
+        if let Fused::Sampled { cell, old } | Fused::Restarted { cell, old } = &fused {
+            let (window, samples) = (self.grid.window(), self.grid.samples());
+            self.structure.replaced(window, samples, *cell, old);
+        }
+        fused
+    }
+
+    fn fuse_points(&mut self, points: &[[f32; 3]], view: &View) -> Tally {
+        let structure = &mut self.structure;
+        self.grid
+            .fuse_points(points, view, |window, samples, cell, old| {
+                structure.replaced(window, samples, cell, old);
+            })
+    }
+
+    fn see_through(&mut self, ray: &Ray, sweep: u16) {
+        let (structure, ground) = (&mut self.structure, &mut self.ground);
+        self.grid
+            .see_through(ray, sweep, |window, samples, cell, old| {
+                structure.replaced(window, samples, cell, old);
+                ground.changed(window, cell);
+            });
+    }
+
+    fn move_to(&mut self, centre: Cell) {
+        let (structure, ground) = (&mut self.structure, &mut self.ground);
+        self.grid.move_to(centre, |window, samples, cell, old| {
+            structure.replaced(window, samples, cell, old);
+            ground.changed(window, cell);
+        });
+        ground.all_stale();
+    }
+
+    /// Follows the robot up and down; true where the datum changed.
+    fn follow_height(&mut self, z: f32) -> bool {
+        let (structure, ground) = (&mut self.structure, &mut self.ground);
+        let before = self.grid.datum();
+        self.grid.follow_height(z, |window, samples, cell, old| {
+            structure.replaced(window, samples, cell, old);
+            ground.changed(window, cell);
+        });
+        self.grid.datum() != before
+    }
+
+    fn commit(&mut self) -> Committed {
+        let (window, samples) = self.grid.samples_mut();
+        self.structure.commit(window, samples)
+    }
+
+    fn refresh(&mut self, settings: &Settings) -> u32 {
+        let tiles = Tiles::of(self.grid.window());
+        self.ground.mark(self.structure.tiles_mut(), &tiles);
+        self.ground
+            .refresh(self.structure.tiles(), &tiles, settings)
+    }
+
+    /// Counts the cells by state and marks the tiles that this sweep touched.
+    fn survey(&mut self, sweep: u16) -> Survey {
+        let mut survey = Survey::default();
+        let window = *self.grid.window();
+        for cell in window.cells() {
+            match self.grid.state(cell) {
+                State::Unknown => {}
+                State::SeenThrough => survey.seen_through += 1,
+                State::Measured => {
+                    survey.measured += 1;
+                    if self.grid.last_sweep(cell) == sweep {
+                        self.ground.changed(&window, cell);
+                    }
+                }
+            }
+        }
+        survey
+    }
+}
+
+/// Cells by state.
+#[derive(Clone, Copy, Debug, Default)]
+struct Survey {
+    measured: u32,
+    seen_through: u32,
+}
+
+fn pose_buffer(config: &Config) -> PoseBuffer {
+    let mut poses = PoseBuffer::new();
+    poses.hold_us = hold_us(config);
+    poses
+}
+
+fn hold_us(config: &Config) -> u64 {
+    (config.pose_hold * 1e6) as u64
+}
+
+fn grid_config(config: &Config) -> GridConfig {
+    GridConfig {
+        height_step: config.height_step(),
+        gate: config.gate,
+        sample: match config.sample {
+            SampleRule::Nearest => SampleChoice::Nearest,
+            SampleRule::Lowest => SampleChoice::Lowest,
+        },
+        clearing_margin: config.ghost_margin,
+        ..GridConfig::new(config.resolution)
+    }
+}
+
+/// Counts down; true once every `stride` calls, never for 0.
+#[inline]
+fn due(left: &mut u32, stride: f32) -> bool {
+    if stride < 1.0 {
+        return false;
+    }
+    if *left == 0 {
+        *left = stride as u32;
+    }
+    *left -= 1;
+    *left == 0
+}

@@ -1,0 +1,125 @@
+//! The memory of a mapper: lent planes, and who may own them.
+//!
+//! [`Memory`] is what a mapper works on. [`Planes`] owns it in static memory (firmware);
+//! a host may own it on its heap. The side of the map follows from the length of the
+//! planes, so there is one compiled mapper for all sizes.
+
+use crate::ConfigError;
+use crate::tiles::TileGround;
+use rugosa_fractal::roughness::{Block, StructureFunction, TileSums};
+use rugosa_grid::{Sample, Tiles};
+use rugosa_terrain::{GroundCell, LineTrig, Trig};
+
+/// Most columns of a scanner in [`Planes`].
+pub const COLUMNS: usize = 1024;
+/// Most lines of a scanner in [`Planes`].
+pub const LINES: usize = 512;
+
+/// Lent planes of a mapper of `side × side` cells.
+pub struct Memory<'m> {
+    /// `side²` fused cells
+    pub cells: &'m mut [GroundCell],
+    /// `side²` point samples
+    pub samples: &'m mut [Sample],
+    /// counters of the structure function, [`tiles_of`] entries
+    pub tiles: &'m mut [TileSums],
+    /// roughness by tile, [`tiles_of`] entries
+    pub ground: &'m mut [TileGround],
+    /// scratch of the structure function
+    pub block: &'m mut Block,
+    /// sines and cosines by column; their number limits the scanner
+    pub columns: &'m mut [Trig],
+    /// angles by line; their number limits the scanner
+    pub lines: &'m mut [LineTrig],
+    /// which segments of a line have come in this sweep; as long as `lines`
+    pub received: &'m mut [u16],
+}
+
+/// Tiles of a map of `side` cells a side.
+pub const fn tiles_of(side: usize) -> usize {
+    let per_side = Tiles::per_side(side);
+    per_side * per_side
+}
+
+/// Is this a side of a map: 2^k + 1, 33 … 1025?
+pub const fn is_side(side: usize) -> bool {
+    side >= 33 && side <= 1025 && (side - 1).is_power_of_two()
+}
+
+impl Memory<'_> {
+    /// The side of the map, if all planes agree on it.
+    pub(crate) fn side(&self) -> Result<usize, ConfigError> {
+        let side = self.cells.len().isqrt();
+        if !is_side(side) || side * side != self.cells.len() {
+            return Err(ConfigError::Side(side));
+        }
+        let checks = [
+            ("samples", self.samples.len() == side * side),
+            (
+                "tiles",
+                self.tiles.len() == StructureFunction::tiles_needed(side),
+            ),
+            ("ground", self.ground.len() == tiles_of(side)),
+            ("received", self.received.len() == self.lines.len()),
+        ];
+        match checks.iter().find(|(_, fits)| !fits) {
+            Some((name, _)) => Err(ConfigError::Memory(name)),
+            None => Ok(side),
+        }
+    }
+}
+
+/// Memory of a mapper in one piece: `CELLS` = side², `TILES` = [`tiles_of`] (side).
+pub struct Planes<const CELLS: usize, const TILES: usize> {
+    cells: [GroundCell; CELLS],
+    samples: [Sample; CELLS],
+    tiles: [TileSums; TILES],
+    ground: [TileGround; TILES],
+    block: Block,
+    columns: [Trig; COLUMNS],
+    lines: [LineTrig; LINES],
+    received: [u16; LINES],
+}
+
+/// A map of 33 × 33 cells.
+pub type Planes33 = Planes<{ 33 * 33 }, { tiles_of(33) }>;
+/// A map of 65 × 65 cells.
+pub type Planes65 = Planes<{ 65 * 65 }, { tiles_of(65) }>;
+/// A map of 129 × 129 cells.
+pub type Planes129 = Planes<{ 129 * 129 }, { tiles_of(129) }>;
+
+impl<const CELLS: usize, const TILES: usize> Default for Planes<CELLS, TILES> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<const CELLS: usize, const TILES: usize> Planes<CELLS, TILES> {
+    /// Empty planes.
+    pub const fn new() -> Self {
+        Planes {
+            cells: [GroundCell::EMPTY; CELLS],
+            samples: [Sample::UNKNOWN; CELLS],
+            tiles: [TileSums::EMPTY; TILES],
+            ground: [TileGround::EMPTY; TILES],
+            block: Block::new(),
+            columns: [Trig::ZERO; COLUMNS],
+            lines: [LineTrig::ZERO; LINES],
+            received: [0; LINES],
+        }
+    }
+
+    /// Lends the planes to a mapper.
+    pub fn lend(&mut self) -> Memory<'_> {
+        Memory {
+            cells: &mut self.cells,
+            samples: &mut self.samples,
+            tiles: &mut self.tiles,
+            ground: &mut self.ground,
+            block: &mut self.block,
+            columns: &mut self.columns,
+            lines: &mut self.lines,
+            received: &mut self.received,
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! Roughness by tile: refreshed where the counters changed, and only there.
+//!
+//! The estimate of a tile rests on the pooled counters of 3 × 3 tiles, so a tile is
+//! refreshed when one of these nine changed.
+
+use crate::outbox;
+use rugosa_fractal::roughness::estimate::{Reason, Roughness, Settings, estimate};
+use rugosa_fractal::roughness::{Pool, TileSums};
+use rugosa_grid::{Cell, Tile, Tiles, Window};
+
+/// What is known of a tile beyond its counters.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TileGround {
+    /// roughness of the 3 × 3 tiles around, or why there is none
+    pub estimate: Result<Roughness, Reason>,
+    stale: bool,
+    /// groups of layers that changed since they were sent, see `outbox`
+    pub(crate) unsent: u8,
+    /// how often other tiles were sent before this one
+    pub(crate) waited: u8,
+}
+
+impl TileGround {
+    /// Nothing is known.
+    pub const EMPTY: TileGround = TileGround {
+        estimate: Err(Reason::TooFewPairs),
+        stale: false,
+        unsent: 0,
+        waited: 0,
+    };
+}
+
+/// The roughness of all tiles of a window.
+pub(crate) struct Ground<'m>(&'m mut [TileGround]);
+
+impl<'m> Ground<'m> {
+    pub(crate) fn new(tiles: &'m mut [TileGround]) -> Self {
+        tiles.fill(TileGround::EMPTY);
+        Ground(tiles)
+    }
+
+    pub(crate) fn get(&self, tiles: &Tiles, tile: Tile) -> Option<&TileGround> {
+        tiles.slot(tile).map(|slot| &self.0[slot])
+    }
+
+    pub(crate) fn get_mut(&mut self, tiles: &Tiles, tile: Tile) -> Option<&mut TileGround> {
+        tiles.slot(tile).map(|slot| &mut self.0[slot])
+    }
+
+    /// The elevation of a cell changed.
+    pub(crate) fn changed(&mut self, window: &Window, cell: Cell) {
+        if let Some(ground) = self.get_mut(&Tiles::of(window), Tile::of(cell)) {
+            ground.unsent |= outbox::CELLS;
+        }
+    }
+
+    /// The window has moved: slots have new owners.
+    pub(crate) fn all_stale(&mut self) {
+        for tile in self.0.iter_mut() {
+            tile.stale = true;
+        }
+    }
+
+    /// Marks the neighbours of every tile whose counters changed.
+    pub(crate) fn mark(&mut self, sums: &mut [TileSums], tiles: &Tiles) {
+        for tile in tiles.tiles() {
+            let Some(slot) = tiles.slot(tile) else {
+                continue;
+            };
+            if sums[slot].take_changed() {
+                self.mark_around(tiles, tile);
+            }
+        }
+    }
+
+    fn mark_around(&mut self, tiles: &Tiles, tile: Tile) {
+        for y in -1..=1 {
+            for x in -1..=1 {
+                if let Some(near) = self.get_mut(tiles, Tile::new(tile.x + x, tile.y + y)) {
+                    near.stale = true;
+                }
+            }
+        }
+    }
+
+    /// Estimates the stale tiles anew; returns how many there were.
+    pub(crate) fn refresh(&mut self, sums: &[TileSums], tiles: &Tiles, by: &Settings) -> u32 {
+        let mut refreshed = 0;
+        for tile in tiles.tiles() {
+            let Some(ground) = self.get_mut(tiles, tile) else {
+                continue;
+            };
+            if core::mem::take(&mut ground.stale) {
+                let fresh = estimate(&Pool::around(sums, tiles, tile), by);
+                if fresh != ground.estimate {
+                    ground.estimate = fresh;
+                    ground.unsent |= outbox::ROUGHNESS;
+                }
+                refreshed += 1;
+            }
+        }
+        refreshed
+    }
+}
