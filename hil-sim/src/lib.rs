@@ -1,6 +1,9 @@
 //! Simulated hardware.
+pub mod clock;
 pub mod device;
+pub mod faults;
 pub mod geometry;
+pub mod port;
 pub mod random;
 pub mod robot;
 pub mod scanner;
