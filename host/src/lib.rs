@@ -11,3 +11,4 @@ pub mod console;
 pub mod draw;
 pub mod error;
 pub mod io;
+pub mod planes;
