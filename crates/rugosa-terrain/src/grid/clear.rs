@@ -14,9 +14,9 @@
 //!
 //! The cells are walked in the order the beam crosses them, with one comparison and one
 //! addition per cell (Amanatides & Woo 1987, "A fast voxel traversal algorithm for ray
-//! tracing"), after the beam was cut to the window. Cost: about 30 operations per cell,
-//! at most 2 × side cells: much more than a fusion, so a caller may walk every n-th
-//! beam only. Not for beams without a return: nothing says how far they went.
+//! tracing"), after the beam was cut to the window and to the heights below the highest
+//! cell: most of a beam is above everything. Cost: about 40 instructions per cell, at
+//! most 2 × side cells. A caller short of time walks every n-th beam only. Not for beams without a return: nothing says how far they went.
 //!
 //! [`State::SeenThrough`]: rugosa_grid::State::SeenThrough
 
@@ -153,8 +153,8 @@ impl ElevationGrid<'_> {
         gap > 0.0 && gap * gap > self.gate.sigmas2 * held.variance
     }
 
-    /// The part of a beam over the window, as fractions of its length; `None` where there
-    /// is none or the beam is not finite.
+    /// The part of a beam over the window and low enough to be below a cell, as fractions
+    /// of its length; `None` where there is none or the beam is not finite.
     fn inside(&self, origin: &[f32; 3], reach: &[f32; 3]) -> Option<[f32; 2]> {
         let sum: f32 = origin.iter().chain(reach).sum();
         if !sum.is_finite() {
@@ -168,7 +168,8 @@ impl ElevationGrid<'_> {
             let high = low + self.window.side() as f32 * resolution;
             span = cut(span, [low, high], reach[axis])?;
         }
-        Some(span)
+        let top = self.ceiling - self.config.clearing_margin - origin[2];
+        cut(span, [f32::NEG_INFINITY, top], reach[2])
     }
 }
 

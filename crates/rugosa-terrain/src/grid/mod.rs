@@ -44,6 +44,8 @@ pub struct ElevationGrid<'m> {
     per_step: f32,
     /// height steps from the map's zero to the stored heights' zero
     datum: i32,
+    /// no measured cell is higher \[m\]
+    ceiling: f32,
     window: Window,
     cells: &'m mut [GroundCell],
     samples: &'m mut [Sample],
@@ -94,6 +96,7 @@ impl<'m> ElevationGrid<'m> {
             lattice: Lattice::new(config.resolution),
             per_step: 1.0 / config.height_step,
             datum: 0,
+            ceiling: f32::NEG_INFINITY,
             window,
             cells,
             samples,

@@ -29,6 +29,19 @@ impl ElevationGrid<'_> {
             self.release(cell, Sample::default(), &mut forget);
         }
         self.window = next;
+        self.ceiling = self.highest();
+    }
+
+    /// Elevation of the highest cell \[m\]; −∞ where nothing is measured.
+    fn highest(&self) -> f32 {
+        let measured = self.cells.iter().filter(|held| held.count() != 0);
+        measured.fold(f32::NEG_INFINITY, |top, held| {
+            if held.elevation > top {
+                held.elevation
+            } else {
+                top
+            }
+        })
     }
 
     /// Changes the datum (height steps above the map's zero). Returns how many measured
