@@ -29,7 +29,7 @@ pub fn floor(x: f32) -> f32 {
 #[inline]
 pub fn floor_index(x: f32) -> i32 {
     let truncated = x as i32;
-    truncated - i32::from((truncated as f32) > x)
+    truncated.saturating_sub(i32::from((truncated as f32) > x))
 }
 
 /// Nearest integer, ties away from zero; saturates, NaN gives 0.
@@ -118,6 +118,8 @@ mod tests {
         }
         assert_eq!(floor_index(f32::NAN), 0);
         assert_eq!(floor_index(1e20), i32::MAX);
+        assert_eq!(floor_index(-1e20), i32::MIN);
+        assert_eq!(floor_index(f32::NEG_INFINITY), i32::MIN);
     }
 
     #[test]

@@ -18,12 +18,12 @@
 //! which compilers turn into vector instructions, then the cells one by one.
 
 use super::cell::{Height, Met};
-use super::{ElevationGrid, GroundCell, SampleChoice};
+use super::{ElevationGrid, SampleChoice};
 use crate::Noise;
 use crate::beam::rotation_rows;
 use nalgebra::Isometry3;
 use rugosa_grid::sample::PARTS;
-use rugosa_grid::{Cell, Sample, Window, math};
+use rugosa_grid::{Cell, Lattice, Sample, Window, math};
 
 /// A return in the map frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -117,27 +117,48 @@ pub struct View<'a> {
     pub sweep: u16,
 }
 
-/// Points that are projected together.
-const STRIPE: usize = 64;
-
-/// Where a return hit and how sure its height is.
+/// A return with its place on the grid; a broken one has a NaN for its variance.
 #[derive(Clone, Copy)]
-struct Hit {
-    position: [f32; 3],
+struct Placed {
+    cell: Cell,
+    /// offset from the cell's centre, in 1/64 cell
+    part: [i8; 2],
+    /// height steps above the map's zero
+    steps: i32,
+    /// elevation [m]
+    metres: f32,
     variance: f32,
-    sweep: u16,
+}
+
+/// What turns metres into cells and steps.
+#[derive(Clone, Copy)]
+struct Scale {
+    lattice: Lattice,
+    per_step: f32,
+}
+
+impl Scale {
+    /// Arithmetic only: no branch, no memory.
+    #[inline(always)]
+    fn place(&self, [x, y, z]: [f32; 3], variance: f32) -> Placed {
+        let (cell, east, north) = self.lattice.locate(x, y);
+        Placed {
+            cell,
+            part: [part(east), part(north)],
+            steps: math::round_index(z * self.per_step),
+            metres: z,
+            // zero times the sum is not zero if one of its terms is not finite
+            variance: variance + 0.0 * (x + y + z),
+        }
+    }
 }
 
 impl ElevationGrid<'_> {
     /// Fuses one return of the given sweep.
     #[inline]
     pub fn fuse(&mut self, point: &Point, sweep: u16) -> Fused {
-        let hit = Hit {
-            position: point.position,
-            variance: point.variance,
-            sweep,
-        };
-        self.fuse_hit(&hit, || point.depression)
+        let placed = self.scale().place(point.position, point.variance);
+        self.settle(&placed, || point.depression, sweep)
     }
 
     /// Fuses points \[m\] of the sensor frame; `replaced(window, samples, cell, old)`
@@ -149,11 +170,13 @@ impl ElevationGrid<'_> {
         mut replaced: impl FnMut(&Window, &[Sample], Cell, &Sample),
     ) -> Tally {
         let mut tally = Tally::default();
-        let mut stripe = Stripe::new(view);
+        let mut stripe = Stripe::new(view, self.scale());
         for block in points.chunks(STRIPE) {
-            stripe.project(block);
+            stripe.load(block);
+            stripe.project();
+            stripe.place();
             for i in 0..block.len() {
-                let fused = self.fuse_hit(&stripe.hit(i), || stripe.depression(i));
+                let fused = self.settle(&stripe.placed(i), || stripe.depression(i), view.sweep);
                 tally.add(&fused);
                 if let Fused::Sampled { cell, old } | Fused::Restarted { cell, old } = fused {
                     replaced(&self.window, self.samples, cell, &old);
@@ -163,52 +186,56 @@ impl ElevationGrid<'_> {
         tally
     }
 
+    fn scale(&self) -> Scale {
+        Scale {
+            lattice: self.lattice,
+            per_step: self.per_step,
+        }
+    }
+
+    /// Fuses a return into its cell and keeps it as the sample if it is the better one.
     #[inline]
-    fn fuse_hit(&mut self, hit: &Hit, depression: impl FnOnce() -> u8) -> Fused {
-        let [x, y, z] = hit.position;
-        // one sum is finite only if all its terms are
-        if !((x + y + z).is_finite() && hit.variance >= 0.0 && hit.variance < f32::INFINITY) {
+    fn settle(&mut self, placed: &Placed, depression: impl FnOnce() -> u8, sweep: u16) -> Fused {
+        // neither negative nor infinite nor NaN
+        if placed.variance.to_bits() >= f32::INFINITY.to_bits() {
             return Fused::Invalid;
         }
-        let (cell, east, north) = self.lattice.locate(x, y);
-        let Some(slot) = self.window.slot(cell) else {
+        let Some(slot) = self.window.slot(placed.cell) else {
             return Fused::Outside;
         };
-        let Some(steps) = self.steps(z) else {
+        let Ok(steps) = i16::try_from(placed.steps.saturating_sub(self.datum)) else {
             return Fused::HeightOutOfRange;
         };
         let height = Height {
-            metres: z,
+            metres: placed.metres,
             steps,
-            variance: hit.variance,
+            variance: placed.variance,
         };
-        let ground: &mut GroundCell = &mut self.cells[slot];
-        let met = ground.take(&self.gate, height, hit.sweep);
+        let ground = &mut self.cells[slot];
+        let met = ground.take(&self.gate, height, sweep);
         if met == Met::Gated {
             return Fused::Gated;
         }
         if ground.elevation > self.ceiling {
             self.ceiling = ground.elevation;
         }
-        let (east, north) = (part(east), part(north));
         let old = self.samples[slot];
-        if met == Met::Merged && !self.better(&old, steps, [east, north]) {
+        if met == Met::Merged && !self.better(&old, steps, placed.part) {
             return Fused::Merged;
         }
-        let variance = math::round_index(hit.variance * self.per_step * self.per_step);
-        let variance = variance.min(i32::from(u16::MAX)) as u16;
-        self.samples[slot] = Sample::measured(steps, variance, east, north, depression());
+        self.samples[slot] = self.sample_of(placed, steps, depression());
+        let cell = placed.cell;
         match met {
             Met::Restarted => Fused::Restarted { cell, old },
             _ => Fused::Sampled { cell, old },
         }
     }
 
-    /// Metres → height steps above the datum; `None` beyond 16 bits.
-    #[inline]
-    fn steps(&self, z: f32) -> Option<i16> {
-        let steps = math::round_index(z * self.per_step).saturating_sub(self.datum);
-        i16::try_from(steps).ok()
+    fn sample_of(&self, placed: &Placed, steps: i16, depression: u8) -> Sample {
+        let [east, north] = placed.part;
+        // the conversion saturates
+        let variance = (placed.variance * self.per_step * self.per_step + 0.5) as u16;
+        Sample::measured(steps, variance, east, north, depression)
     }
 
     #[inline]
@@ -232,33 +259,53 @@ fn part(offset: f32) -> i8 {
     (offset * PARTS as f32 + 12_582_912.0).to_bits() as i8
 }
 
-/// A stripe of points in the map frame.
+/// Points that are projected together.
+const STRIPE: usize = 64;
+
+type Lane<T> = [T; STRIPE];
+
+/// A stripe of points, coordinate by coordinate, from the sensor to their places.
 struct Stripe<'a> {
     rows: [[f32; 3]; 3],
     translation: [f32; 3],
     noise: &'a Noise,
-    sweep: u16,
-    position: [[f32; STRIPE]; 3],
-    variance: [f32; STRIPE],
+    scale: Scale,
+    position: [Lane<f32>; 3],
+    variance: Lane<f32>,
     /// squared upward component of the beam's direction, negative for depressed beams
-    up2: [f32; STRIPE],
+    up2: Lane<f32>,
+    cell: [Lane<i32>; 2],
+    part: [Lane<i8>; 2],
+    steps: Lane<i32>,
 }
 
 impl<'a> Stripe<'a> {
-    fn new(view: &View<'a>) -> Self {
+    fn new(view: &View<'a>, scale: Scale) -> Self {
         Stripe {
             rows: rotation_rows(view.map_from_sensor),
             translation: view.map_from_sensor.translation.vector.into(),
             noise: view.noise,
-            sweep: view.sweep,
+            scale,
             position: [[0.0; STRIPE]; 3],
             variance: [0.0; STRIPE],
             up2: [0.0; STRIPE],
+            cell: [[0; STRIPE]; 2],
+            part: [[0; STRIPE]; 2],
+            steps: [0; STRIPE],
         }
     }
 
-    fn project(&mut self, points: &[[f32; 3]]) {
-        for (i, &[x, y, z]) in points.iter().enumerate().take(STRIPE) {
+    fn load(&mut self, points: &[[f32; 3]]) {
+        let [xs, ys, zs] = &mut self.position;
+        for (((x, y), z), point) in xs.iter_mut().zip(ys).zip(zs).zip(points) {
+            [*x, *y, *z] = *point;
+        }
+    }
+
+    /// Sensor frame → map frame, with the variance of the elevation.
+    fn project(&mut self) {
+        for i in 0..STRIPE {
+            let [x, y, z] = [0, 1, 2].map(|axis| self.position[axis][i]);
             let [dx, dy, dz] = self.rows.map(|r| r[0] * x + r[1] * y + r[2] * z);
             let range2 = x * x + y * y + z * z;
             let up2 = dz * dz / range2;
@@ -270,12 +317,27 @@ impl<'a> Stripe<'a> {
         }
     }
 
+    fn place(&mut self) {
+        for i in 0..STRIPE {
+            let position = [0, 1, 2].map(|axis| self.position[axis][i]);
+            let placed = self.scale.place(position, self.variance[i]);
+            self.cell[0][i] = placed.cell.x;
+            self.cell[1][i] = placed.cell.y;
+            self.part[0][i] = placed.part[0];
+            self.part[1][i] = placed.part[1];
+            self.steps[i] = placed.steps;
+            self.variance[i] = placed.variance;
+        }
+    }
+
     #[inline]
-    fn hit(&self, i: usize) -> Hit {
-        Hit {
-            position: [0, 1, 2].map(|axis| self.position[axis][i]),
+    fn placed(&self, i: usize) -> Placed {
+        Placed {
+            cell: Cell::new(self.cell[0][i], self.cell[1][i]),
+            part: [self.part[0][i], self.part[1][i]],
+            steps: self.steps[i],
+            metres: self.position[2][i],
             variance: self.variance[i],
-            sweep: self.sweep,
         }
     }
 
