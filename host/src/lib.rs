@@ -10,5 +10,7 @@ pub mod config;
 pub mod console;
 pub mod draw;
 pub mod error;
+pub mod export;
 pub mod io;
+pub mod layers;
 pub mod planes;
