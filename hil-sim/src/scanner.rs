@@ -27,7 +27,7 @@ use crate::device::{Device, TYPICAL_BRIGHTNESS};
 use crate::geometry::Beam;
 use crate::random::Random;
 use crate::robot::Robot;
-use crate::terrain::{Ray, Terrain};
+use crate::terrain::Ray;
 
 /// Neighbouring readings farther apart than this are beside an edge \[m\].
 const JUMP: f64 = 0.15;

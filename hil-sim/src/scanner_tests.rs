@@ -1,6 +1,6 @@
 use super::*;
 use crate::robot::Path;
-use crate::terrain::{Plane, Step, egg_carton};
+use crate::terrain::{Plane, Step, Terrain, egg_carton};
 use nalgebra::Vector3;
 use rugosa_wire::Packing;
 

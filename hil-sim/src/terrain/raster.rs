@@ -64,7 +64,7 @@ impl Raster {
             "a raster has at least 2 columns, not {columns}"
         );
         ensure!(
-            nodes.len() % columns == 0 && nodes.len() / columns >= 2,
+            nodes.len().is_multiple_of(columns) && nodes.len() / columns >= 2,
             "{} nodes are not 2 or more rows of {columns}",
             nodes.len()
         );
