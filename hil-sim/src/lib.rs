@@ -17,3 +17,15 @@
 //! - [`clock`], [`random`]: time and chance, both replaceable by the repeatable
 //!
 //! `docs/simulator.md` has the models, the defaults and how to use them together.
+pub mod clock;
+pub mod device;
+pub mod faults;
+pub mod geometry;
+pub mod player;
+pub mod port;
+pub mod random;
+pub mod robot;
+pub mod scanner;
+pub mod stream;
+pub mod terrain;
+pub mod transmit;
