@@ -224,7 +224,8 @@ fn scale_from_hurst_gives_the_exponent() {
 
 /// PSNR of 257² crops from every 8th and 16th node, dB: bilinear, s = −.1, −.02, .02, .05,
 /// .1, .2, .3 and the best s.
-const TABLE: [(&str, usize, usize, usize, [f64; 8], f64); 6] = [
+type Row = (&'static str, usize, usize, usize, [f64; 8], f64);
+const TABLE: [Row; 6] = [
     (
         "A",
         0,
