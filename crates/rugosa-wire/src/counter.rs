@@ -81,6 +81,8 @@ counters! {
     COST_RECONSTRUCTION "cost.reconstruction" "cost of the reconstruction after the last sweep"
     COST_TRAVERSABILITY "cost.traversability" "cost of traversability after the last sweep"
     COST_SEND "cost.send" "cost of encoding what was sent since the last sweep"
+    COST_COUNTERS "cost.counters" "cost of bringing the last sweep's samples into the pair counters"
+    MAP_DIGEST "map.digest" "fingerprint of the map after the last sweep, see rugosa::Mapper::digest"
 }
 
 const _: () = assert!(NAMES.len() <= COUNTERS);
@@ -106,7 +108,7 @@ mod tests {
             assert_eq!(name(i), Some(each));
         }
         assert_eq!(name(RETURNS_GATED), Some("returns.gated"));
-        assert_eq!(name(COST_SEND), NAMES.last().copied());
+        assert_eq!(name(MAP_DIGEST), NAMES.last().copied());
         assert_eq!(name(NAMES.len()), None);
     }
 }

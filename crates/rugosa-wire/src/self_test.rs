@@ -8,6 +8,12 @@ use heapless::Vec;
 
 use crate::message::{MAX_ECHO, Message};
 
+/// Number of the parameter that makes a module panic when it is set: it says so in its
+/// log, counts and starts afresh.
+pub const PANIC: u8 = 254;
+/// Number of the parameter that makes a module hang when it is set: its watchdog bites.
+pub const HANG: u8 = 255;
+
 /// The answering side of the self-tests.
 #[derive(Clone, Debug, Default)]
 pub struct SelfTest {

@@ -22,6 +22,11 @@ impl Counters {
         self.0[index] = value;
     }
 
+    /// All places, for those who keep several counters (the link).
+    pub fn all_mut(&mut self) -> &mut [u32] {
+        &mut self.0
+    }
+
     /// Counts one more.
     pub fn count(&mut self, index: usize) {
         self.add(index, 1);

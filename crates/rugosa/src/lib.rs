@@ -11,6 +11,7 @@ extern crate std;
 
 pub mod config;
 pub mod counters;
+mod digest;
 pub mod ingest;
 pub mod layer;
 pub mod mapper;

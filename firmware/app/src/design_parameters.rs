@@ -1,0 +1,29 @@
+//! Every number of the firmware that is a choice, with the arithmetic behind it.
+
+use rugosa_wire::MAX_FRAME;
+
+/// Serial ports. They are equal; what a port is used for is decided by who greets on it.
+pub const PORTS: usize = 2;
+
+/// Bytes taken from a port at a time: 22 ms of a line at 115,200 Bd.
+pub const CHUNK: usize = 256;
+
+/// Scan lines that may be under way to us or wait in the receive queue.
+pub const LINES_GRANTED: u16 = 6;
+
+/// Bytes of poses and the like that may come with each line.
+const BESIDE_A_LINE: usize = 128;
+
+/// Bytes a board's receive queue must hold: lines can then never overrun it. The next
+/// power of two is 8192.
+pub const RECEIVE_QUEUE: usize = LINES_GRANTED as usize * (MAX_FRAME + BESIDE_A_LINE);
+
+/// Time between two status messages while nothing happens.
+pub const STATUS_US: u64 = 1_000_000;
+
+/// Least time between two map patches: 200 of about 90 bytes a second. A slower line
+/// spreads them further, since a patch is made only when the last one is on its way.
+pub const PATCH_US: u64 = 5_000;
+
+/// The map: 65 × 65 cells, 6.5 m square at the default resolution.
+pub type Map = rugosa::Planes65;
