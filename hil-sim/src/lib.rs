@@ -14,6 +14,7 @@
 //! - [`transmit`]: the scanner's end of the link
 //! - [`port`], [`faults`]: a cable between two pseudo-terminals, slow and bad if wished
 //! - [`player`]: recorded bytes into any port
+//! - [`qemu`]: an emulated module with two serial ports
 //! - [`clock`], [`random`]: time and chance, both replaceable by the repeatable
 //!
 //! `docs/simulator.md` has the models, the defaults and how to use them together.
@@ -23,6 +24,7 @@ pub mod faults;
 pub mod geometry;
 pub mod player;
 pub mod port;
+pub mod qemu;
 pub mod random;
 pub mod robot;
 pub mod scanner;
