@@ -7,6 +7,7 @@ extern crate alloc;
 #[cfg(any(test, feature = "std"))]
 extern crate std;
 
+pub mod codec;
 pub mod roughness;
 pub mod surfaces;
 pub mod synthesis;
