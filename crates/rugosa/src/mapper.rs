@@ -209,7 +209,8 @@ impl<'m> Mapper<'m> {
         if let Some((_, body)) = self.poses.last() {
             self.follow(&body);
         }
-        self.progress.begin(line);
+        self.progress
+            .begin(line, self.scanner.beams.columns() as u16);
         ended
     }
 

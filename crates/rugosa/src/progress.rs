@@ -6,8 +6,8 @@
 
 use rugosa_wire::{ScanLine, counter};
 
-/// Columns per bit of the map of received segments; segments start at multiples of it.
-const SEGMENT: u16 = 64;
+/// Most segments of a line; each starts in a part of the line of its own.
+const SEGMENTS: u16 = 16;
 
 /// Where a line stands in the order of sweeps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,6 +24,8 @@ pub(crate) struct Progress<'m> {
     open: bool,
     start_us: u64,
     lines: u32,
+    /// columns of the scanner
+    columns: u16,
     received: &'m mut [u16],
 }
 
@@ -34,6 +36,7 @@ impl<'m> Progress<'m> {
             open: false,
             start_us: 0,
             lines: 0,
+            columns: 1,
             received,
         }
     }
@@ -68,7 +71,8 @@ impl<'m> Progress<'m> {
         }
     }
 
-    pub(crate) fn begin(&mut self, line: &ScanLine) {
+    pub(crate) fn begin(&mut self, line: &ScanLine, columns: u16) {
+        self.columns = columns;
         self.sweep = Some(line.sweep);
         self.open = true;
         self.start_us = line.stamp_us;
@@ -78,10 +82,10 @@ impl<'m> Progress<'m> {
 
     /// The line is taken; `false` where there is no such line.
     pub(crate) fn take(&mut self, line: &ScanLine) -> bool {
-        let bits = bits_of(line);
+        let bit = self.bit_of(line);
         let entry = self.received.get_mut(usize::from(line.line));
         self.lines += u32::from(entry.is_some());
-        entry.map(|entry| *entry |= bits).is_some()
+        entry.map(|entry| *entry |= bit).is_some()
     }
 
     /// A sweep end: lines that are missing, or `None` where it is not of this sweep.
@@ -105,16 +109,13 @@ impl<'m> Progress<'m> {
 
     fn has(&self, line: &ScanLine) -> bool {
         let entry = self.received.get(usize::from(line.line));
-        entry.is_some_and(|entry| entry & bits_of(line) != 0)
+        entry.is_some_and(|entry| entry & self.bit_of(line) != 0)
     }
-}
 
-/// One bit per 64 columns of the segment; the last bit stands for all beyond 1024.
-fn bits_of(line: &ScanLine) -> u16 {
-    let bit = |column: u16| u32::from((column / SEGMENT).min(15));
-    let first = bit(line.first_column);
-    let last = bit(line.first_column.saturating_add(line.returns.max(1) - 1));
-    (((1u32 << (last + 1)) - 1) & !((1u32 << first) - 1)) as u16
+    /// The part of the line in which the segment starts.
+    fn bit_of(&self, line: &ScanLine) -> u16 {
+        1 << (line.first_column / self.columns.div_ceil(SEGMENTS)).min(SEGMENTS - 1)
+    }
 }
 
 #[cfg(test)]
@@ -141,7 +142,7 @@ mod tests {
         let mut progress = Progress::new(&mut received);
         let first = line(u32::MAX, 0, 0);
         assert_eq!(progress.place(&first), Ok(Place::Next));
-        progress.begin(&first);
+        progress.begin(&first, 128);
         assert!(progress.take(&first));
         assert_eq!(progress.place(&first), Err(counter::LINES_DUPLICATES));
         assert_eq!(progress.place(&line(u32::MAX, 0, 64)), Ok(Place::Current));
@@ -163,12 +164,17 @@ mod tests {
     }
 
     #[test]
-    fn a_segment_covers_its_columns() {
-        let mut long = line(1, 0, 128);
-        long.returns = 129;
-        assert_eq!(bits_of(&long), 0b11100);
-        assert_eq!(bits_of(&line(1, 0, 5000)), 1 << 15);
-        long.returns = 0;
-        assert_eq!(bits_of(&long), 0b100);
+    fn segments_of_a_wide_line_are_told_apart() {
+        let mut received = [0; 4];
+        let mut progress = Progress::new(&mut received);
+        progress.begin(&line(1, 0, 0), 4096);
+        for first in (0..4096).step_by(256) {
+            assert_eq!(progress.place(&line(1, 0, first)), Ok(Place::Current));
+            progress.take(&line(1, 0, first));
+            assert_eq!(
+                progress.place(&line(1, 0, first)),
+                Err(counter::LINES_DUPLICATES)
+            );
+        }
     }
 }
