@@ -14,13 +14,12 @@
 //! that creeps by less than the gate it can be older than the fused elevation.
 //!
 //! [`ElevationGrid::fuse_points`] takes a block of points in the sensor frame (no beam
-//! table needed): rotation, translation and variance for a stripe of points at a time,
-//! which compilers turn into vector instructions, then the cells one by one.
+//! table needed) and gives the same result: see [`super::stripe`].
 
 use super::cell::{Height, Met};
+use super::stripe::{STRIPE, Stripe};
 use super::{ElevationGrid, SampleChoice};
 use crate::Noise;
-use crate::beam::rotation_rows;
 use nalgebra::Isometry3;
 use rugosa_grid::sample::PARTS;
 use rugosa_grid::{Cell, Lattice, Sample, Window, math};
@@ -119,39 +118,58 @@ pub struct View<'a> {
 
 /// A return with its place on the grid; a broken one has a NaN for its variance.
 #[derive(Clone, Copy)]
-struct Placed {
-    cell: Cell,
+pub(super) struct Placed {
+    pub cell: Cell,
     /// offset from the cell's centre, in 1/64 cell
-    part: [i8; 2],
-    /// height steps above the map's zero
-    steps: i32,
+    pub part: [i8; 2],
+    /// height steps above the datum
+    pub steps: i32,
     /// elevation [m]
-    metres: f32,
-    variance: f32,
+    pub metres: f32,
+    pub variance: f32,
 }
 
 /// What turns metres into cells and steps.
 #[derive(Clone, Copy)]
-struct Scale {
-    lattice: Lattice,
-    per_step: f32,
+pub(super) struct Scale {
+    pub lattice: Lattice,
+    pub per_step: f32,
+    /// the datum in height steps
+    pub datum: f32,
 }
 
 impl Scale {
-    /// Arithmetic only: no branch, no memory.
-    #[inline(always)]
+    #[inline]
     fn place(&self, [x, y, z]: [f32; 3], variance: f32) -> Placed {
         let (cell, east, north) = self.lattice.locate(x, y);
         Placed {
             cell,
             part: [part(east), part(north)],
-            steps: math::round_index(z * self.per_step),
+            steps: math::floor_index(z * self.per_step - self.datum + 0.5),
             metres: z,
-            // zero times the sum is not zero if one of its terms is not finite
-            variance: variance + 0.0 * (x + y + z),
+            variance: variance_if_finite([x, y, z], variance),
         }
     }
 }
+
+/// The variance, or NaN where any of the four is not finite: zero times a sum is zero
+/// only if all its terms are.
+#[inline]
+pub(super) fn variance_if_finite([x, y, z]: [f32; 3], variance: f32) -> f32 {
+    variance + 0.0 * (x + y + z)
+}
+
+/// Cells (at most one half) → 1/64 cells, ties to even.
+///
+/// Next to [`ONES`] the last bit of an f32 is worth 1, so the sum's low byte is the
+/// rounded number: two instructions instead of a saturating conversion.
+#[inline]
+pub(super) fn part(offset: f32) -> i8 {
+    (offset * PARTS as f32 + ONES).to_bits() as i8
+}
+
+/// 1.5 · 2²³: the last bit of the numbers around it is worth 1.
+pub(super) const ONES: f32 = 12_582_912.0;
 
 impl ElevationGrid<'_> {
     /// Fuses one return of the given sweep.
@@ -173,8 +191,6 @@ impl ElevationGrid<'_> {
         let mut stripe = Stripe::new(view, self.scale());
         for block in points.chunks(STRIPE) {
             stripe.load(block);
-            stripe.project();
-            stripe.place();
             for i in 0..block.len() {
                 let fused = self.settle(&stripe.placed(i), || stripe.depression(i), view.sweep);
                 tally.add(&fused);
@@ -190,6 +206,7 @@ impl ElevationGrid<'_> {
         Scale {
             lattice: self.lattice,
             per_step: self.per_step,
+            datum: self.datum as f32,
         }
     }
 
@@ -203,7 +220,7 @@ impl ElevationGrid<'_> {
         let Some(slot) = self.window.slot(placed.cell) else {
             return Fused::Outside;
         };
-        let Ok(steps) = i16::try_from(placed.steps.saturating_sub(self.datum)) else {
+        let Ok(steps) = i16::try_from(placed.steps) else {
             return Fused::HeightOutOfRange;
         };
         let height = Height {
@@ -247,104 +264,5 @@ impl ElevationGrid<'_> {
             }
             SampleChoice::Lowest => steps < old.height,
         }
-    }
-}
-
-/// Cells (at most one half) → 1/64 cells, ties to even.
-///
-/// Next to 1.5 · 2²³ the last bit of an f32 is worth 1, so the sum's low byte is the
-/// rounded number: two instructions instead of a saturating conversion.
-#[inline]
-fn part(offset: f32) -> i8 {
-    (offset * PARTS as f32 + 12_582_912.0).to_bits() as i8
-}
-
-/// Points that are projected together.
-const STRIPE: usize = 64;
-
-type Lane<T> = [T; STRIPE];
-
-/// A stripe of points, coordinate by coordinate, from the sensor to their places.
-struct Stripe<'a> {
-    rows: [[f32; 3]; 3],
-    translation: [f32; 3],
-    noise: &'a Noise,
-    scale: Scale,
-    position: [Lane<f32>; 3],
-    variance: Lane<f32>,
-    /// squared upward component of the beam's direction, negative for depressed beams
-    up2: Lane<f32>,
-    cell: [Lane<i32>; 2],
-    part: [Lane<i8>; 2],
-    steps: Lane<i32>,
-}
-
-impl<'a> Stripe<'a> {
-    fn new(view: &View<'a>, scale: Scale) -> Self {
-        Stripe {
-            rows: rotation_rows(view.map_from_sensor),
-            translation: view.map_from_sensor.translation.vector.into(),
-            noise: view.noise,
-            scale,
-            position: [[0.0; STRIPE]; 3],
-            variance: [0.0; STRIPE],
-            up2: [0.0; STRIPE],
-            cell: [[0; STRIPE]; 2],
-            part: [[0; STRIPE]; 2],
-            steps: [0; STRIPE],
-        }
-    }
-
-    fn load(&mut self, points: &[[f32; 3]]) {
-        let [xs, ys, zs] = &mut self.position;
-        for (((x, y), z), point) in xs.iter_mut().zip(ys).zip(zs).zip(points) {
-            [*x, *y, *z] = *point;
-        }
-    }
-
-    /// Sensor frame → map frame, with the variance of the elevation.
-    fn project(&mut self) {
-        for i in 0..STRIPE {
-            let [x, y, z] = [0, 1, 2].map(|axis| self.position[axis][i]);
-            let [dx, dy, dz] = self.rows.map(|r| r[0] * x + r[1] * y + r[2] * z);
-            let range2 = x * x + y * y + z * z;
-            let up2 = dz * dz / range2;
-            self.position[0][i] = self.translation[0] + dx;
-            self.position[1][i] = self.translation[1] + dy;
-            self.position[2][i] = self.translation[2] + dz;
-            self.variance[i] = self.noise.variance_of_squares(up2, range2);
-            self.up2[i] = if dz < 0.0 { -up2 } else { up2 };
-        }
-    }
-
-    fn place(&mut self) {
-        for i in 0..STRIPE {
-            let position = [0, 1, 2].map(|axis| self.position[axis][i]);
-            let placed = self.scale.place(position, self.variance[i]);
-            self.cell[0][i] = placed.cell.x;
-            self.cell[1][i] = placed.cell.y;
-            self.part[0][i] = placed.part[0];
-            self.part[1][i] = placed.part[1];
-            self.steps[i] = placed.steps;
-            self.variance[i] = placed.variance;
-        }
-    }
-
-    #[inline]
-    fn placed(&self, i: usize) -> Placed {
-        Placed {
-            cell: Cell::new(self.cell[0][i], self.cell[1][i]),
-            part: [self.part[0][i], self.part[1][i]],
-            steps: self.steps[i],
-            metres: self.position[2][i],
-            variance: self.variance[i],
-        }
-    }
-
-    /// Sine of the depression times 255; an integer root, taken only for new samples.
-    #[inline]
-    fn depression(&self, i: usize) -> u8 {
-        let squared = (-65_025.0 * self.up2[i]) as u16;
-        squared.isqrt() as u8
     }
 }

@@ -8,7 +8,8 @@
 //! | file | what |
 //! |---|---|
 //! | `cell` | the fusion of one return into one cell |
-//! | `fuse` | which cell, which sample; points in batches |
+//! | `fuse` | which cell, which sample |
+//! | `stripe` | many points at a time |
 //! | `shift` | moves and changes of the datum |
 //! | `clear` | ghosts: beams that passed below a cell |
 //! | `config` | parameters |
@@ -20,13 +21,15 @@
 //!
 //! **Limits.** Elevations are relative to the map frame in f32; heights are stored as
 //! i16 steps above an integer datum ([`ElevationGrid::rebase`]). Coordinates beyond
-//! 2²³ cells have no fraction left and are not meant.
+//! 2²² cells and a datum beyond 2²⁴ steps leave an f32 no room for fractions and are not
+//! meant.
 
 mod cell;
 mod clear;
 mod config;
 mod fuse;
 mod shift;
+mod stripe;
 
 pub use cell::GroundCell;
 pub use config::{GridConfig, GridError, SampleChoice};
