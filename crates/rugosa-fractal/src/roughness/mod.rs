@@ -5,9 +5,12 @@
 
 pub mod estimate;
 mod fit;
+#[cfg(feature = "alloc")]
+pub mod irregular;
 pub mod offsets;
 pub mod pool;
 pub mod rows;
+pub mod scaling_range;
 pub mod structure;
 pub mod sums;
 
