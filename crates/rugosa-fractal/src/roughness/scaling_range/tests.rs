@@ -57,7 +57,10 @@ fn sixteen_curves_agree_with_the_reference() {
         let exact_line = case.value["noise"].as_f64() == Some(0.0) && case.value["kind"] != "exp";
         if !exact_line {
             // on an exact line the reference's elongations differ by rounding only
-            assert_eq!(elongation::first_maximum(x, y), case.number("yokoya_first_max"));
+            assert_eq!(
+                elongation::first_maximum(x, y),
+                case.number("yokoya_first_max")
+            );
         }
         let r = robust(x, y, 0.02);
         assert_eq!(
