@@ -205,8 +205,12 @@ proptest! {
 
         let (mut block, mut single) = (Planes::new(), Planes::new());
         let mut block = block.grid(GridConfig::new(0.1));
-        let mut forgotten = 0;
-        let tally = block.fuse_points(&points, &view, |_, _, _, old| forgotten += u32::from(old.is_measured()));
+        let (mut forgotten, mut told) = (0, 0);
+        let tally = block.fuse_points(&points, &view, |window, samples, cell, old| {
+            assert!(samples[window.slot(cell).unwrap()].is_measured());
+            told += 1;
+            forgotten += u32::from(old.is_measured());
+        });
         let mut single = single.grid(GridConfig::new(0.1));
         let (mut expected, mut replaced) = (Tally::default(), 0);
         for &point in &points {
@@ -223,6 +227,7 @@ proptest! {
             }
             expected.add(&fused);
         }
+        prop_assert_eq!(told, tally.sampled + tally.restarted);
         prop_assert_eq!(tally.invalid, u32::from(broken < points.len()));
         // a point within rounding of a border may fall on the other side
         let differing = block.window().cells().filter(|&cell| {

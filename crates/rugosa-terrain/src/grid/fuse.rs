@@ -179,8 +179,8 @@ impl ElevationGrid<'_> {
         self.settle(&placed, || point.depression, sweep)
     }
 
-    /// Fuses points \[m\] of the sensor frame; `replaced(window, samples, cell, old)`
-    /// is called for each cell that has a new sample.
+    /// Fuses points \[m\] of the sensor frame; `replaced(window, samples, cell, old)` is
+    /// called for each new sample, whether the old one held a return or not.
     pub fn fuse_points(
         &mut self,
         points: &[[f32; 3]],

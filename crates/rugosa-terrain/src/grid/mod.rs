@@ -14,10 +14,11 @@
 //! | `clear` | ghosts: beams that passed below a cell |
 //! | `config` | parameters |
 //!
-//! **Samples that go away.** Whatever replaces or removes a measured sample tells the
-//! caller, who keeps statistics over pairs of samples: [`Fused::Sampled`] returns the old
-//! one, moves and clearing call `forget(window, samples, cell, old)`. At that moment the
-//! plane no longer holds the old sample, and the window is still the old one.
+//! **Samples that change.** The caller may keep statistics over pairs of samples, so it
+//! hears of every sample that is replaced ([`Fused::Sampled`], [`Fused::Restarted`], the
+//! callback of [`ElevationGrid::fuse_points`]) or removed (the callbacks of moves, changes
+//! of the datum and clearing): `(window, samples, cell, old)`. At that moment the plane no
+//! longer holds the old sample, and the window is still the old one.
 //!
 //! **Limits.** Elevations are relative to the map frame in f32; heights are stored as
 //! i16 steps above an integer datum ([`ElevationGrid::rebase`]). Coordinates beyond
