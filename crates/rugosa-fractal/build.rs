@@ -5,6 +5,8 @@
 
 use std::{env, error::Error, fs, path::Path};
 
+#[path = "build/pyramid.rs"]
+mod pyramid;
 #[path = "build/ziggurat.rs"]
 mod ziggurat;
 
@@ -13,5 +15,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed=build");
     let out = env::var("OUT_DIR")?;
     fs::write(Path::new(&out).join("ziggurat.rs"), ziggurat::table())?;
+    println!("cargo::rerun-if-changed=src/pyramid/nnls.rs");
+    fs::write(Path::new(&out).join("pyramid.rs"), pyramid::tables())?;
     Ok(())
 }

@@ -8,6 +8,7 @@ extern crate alloc;
 extern crate std;
 
 pub mod codec;
+pub mod pyramid;
 pub mod roughness;
 pub mod surfaces;
 pub mod synthesis;
