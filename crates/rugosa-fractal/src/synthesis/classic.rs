@@ -7,7 +7,9 @@
 //! four neighbours) and adds noise to *every* node, of a standard deviation that shrinks
 //! by 2^{−H/2} each half step.
 //!
-//! Its structure function is only roughly a power law; [`super::pyramid`] is better and
+//! Its structure function is only roughly a power law, flatter at short lags: the slope
+//! over 1–16 cells is up to 0.12 below H (`the_slope_is_near_the_hurst_exponent`);
+//! [`super::pyramid`] is better and
 //! [`super::exact_fbm`] exact. Cost: two normal numbers per node and more. No memory but
 //! the output.
 
@@ -130,10 +132,8 @@ mod tests {
     fn the_slope_is_near_the_hurst_exponent() {
         for hurst in [0.3, 0.5, 0.7] {
             let found = slope(hurst);
-            assert!(
-                (found - f64::from(hurst)).abs() < 0.08,
-                "H {hurst}: {found}"
-            );
+            let error = found - f64::from(hurst);
+            assert!((-0.13..0.05).contains(&error), "H {hurst}: {found}");
         }
     }
 
