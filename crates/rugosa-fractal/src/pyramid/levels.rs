@@ -110,10 +110,10 @@ impl Levels {
                 return Err(Error::Sigma(target));
             }
             let column = |j: usize| if j < count { STRUCTURE[j][lag] } else { d * d };
-            for a in 0..n {
+            for (a, row) in gram.iter_mut().enumerate().take(n) {
                 right[a] += column(a) / target;
-                for b in 0..n {
-                    gram[a][b] += column(a) / target * (column(b) / target);
+                for (b, g) in row.iter_mut().enumerate().take(n) {
+                    *g += column(a) / target * (column(b) / target);
                 }
             }
         }
@@ -226,11 +226,11 @@ mod tests {
         for (j, lag, expected) in [
             (0, 3, 2.0),
             (1, 1, 0.119_628_906),
-            (1, 2, 0.358_886_719),
-            (2, 4, 0.257_378_429),
-            (3, 8, 0.238_771_581),
-            (4, 48, 0.461_072_014),
-            (5, 32, 0.233_377_659),
+            (1, 2, 0.358_886_7),
+            (2, 4, 0.257_378_4),
+            (3, 8, 0.238_771_6),
+            (4, 48, 0.461_072),
+            (5, 32, 0.233_377_7),
             (6, 1, 7.805e-5),
         ] {
             let at = LAGS.iter().position(|&d| d == lag).unwrap();
