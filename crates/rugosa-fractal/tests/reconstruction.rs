@@ -1,9 +1,9 @@
 //! What the reconstruction reaches on exact fBm, and what it does with bad input.
 
-mod common;
+mod scene;
 
-use common::{Scene, dimension, rng, structure};
 use rugosa_fractal::pyramid::{Datum, Draws, Error, Levels, Posterior};
+use scene::{Scene, dimension, rng, structure};
 
 /// Kriging with the true variogram and an unknown mean, in double precision: the
 /// covariance of the surface relative to a point outside the map, Cholesky.
