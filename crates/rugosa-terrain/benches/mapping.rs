@@ -1,9 +1,9 @@
 //! Time of the elevation grid, per return.
 //!
 //! `cargo bench -p rugosa-terrain` prints the table; `cargo bench -p rugosa-terrain -- WHAT N`
-//! runs one of `points`, `rays`, `clear`, `none` N times and prints nothing, for counting
-//! instructions (`valgrind --tool=callgrind`) on 60 × 50 beams: the difference of two runs
-//! is the work.
+//! runs one of `points`, `rays`, `clear` N times on 60 × 50 beams, or a number of cells
+//! per side on 100000 points, and prints nothing: for counting instructions
+//! (`valgrind --tool=callgrind`); the difference of two runs is the work.
 //!
 //! The scene is that of a published measurement of FastDEM, a C++ elevation mapper:
 //! 60 rings × 500 (125 × 1000) beams at −50 … −4.5°, ground near z = −1 m, range noise
@@ -270,40 +270,43 @@ fn scene(rings: usize, columns: usize, published: [f64; 2]) {
     });
 }
 
-/// Returns spread evenly over the whole map, whatever its size.
+/// Points spread evenly over a whole map of `side` cells.
+fn spread(side: usize) -> Scan {
+    let mut uniform = Uniform(5);
+    let half = f64::from(RESOLUTION) * side as f64 * 0.499;
+    let point = |_| {
+        let mut place = || ((2.0 * uniform.next() - 1.0) * half) as f32;
+        [place(), place(), (0.02 * uniform.normal()) as f32 - 1.0]
+    };
+    Scan {
+        rings: 1,
+        columns: 1,
+        points: (0..100_000).map(point).collect(),
+        ranges: vec![],
+    }
+}
+
 fn sizes() {
-    println!("work per return from 65² to 513² cells, 100000 points all over the map");
+    println!("100000 points all over a map of");
     for side in [65usize, 129, 257, 513] {
-        let mut uniform = Uniform(5);
-        let half = f64::from(RESOLUTION) * side as f64 * 0.499;
-        let points: Vec<_> = (0..100_000)
-            .map(|_| {
-                let mut place = || ((2.0 * uniform.next() - 1.0) * half) as f32;
-                [place(), place(), (0.02 * uniform.normal()) as f32 - 1.0]
-            })
-            .collect();
-        let scan = Scan {
-            rings: 1,
-            columns: 1,
-            points,
-            ranges: vec![],
-        };
+        let scan = spread(side);
         let mut planes = Planes::new(side);
         let mut grid = planes.grid();
-        let t = time(30, |sweep| self::points(&mut grid, &scan, sweep));
-        report(&format!("{side}²"), t, scan.points.len(), None);
+        let t = time(30, |sweep| points(&mut grid, &scan, sweep));
+        report(&format!("{side}² cells"), t, scan.points.len(), None);
     }
 }
 
 /// One kind of work, N times, for counting instructions.
 fn count(what: &str, times: u16) {
-    let scan = Scan::new(60, 50);
-    let mut planes = Planes::new(SIDE);
+    let side = what.parse().ok();
+    let scan = side.map_or_else(|| Scan::new(60, 50), spread);
+    let mut planes = Planes::new(side.unwrap_or(SIDE));
     let mut grid = planes.grid();
     with_beams(&scan, |beams| {
         for sweep in 0..times {
             let tally = match what {
-                "points" => points(&mut grid, &scan, sweep),
+                _ if side.is_some() || what == "points" => points(&mut grid, &scan, sweep),
                 "rays" => rays(&mut grid, beams, &scan, sweep),
                 "clear" => clear(&mut grid, beams, &scan, sweep),
                 _ => Tally::default(),

@@ -123,7 +123,7 @@ impl ElevationGrid<'_> {
         let mut x = Axis::new(east, walk.reach[0] * per_metre, enter);
         let mut y = Axis::new(north, walk.reach[1] * per_metre, enter);
         let (mut t, mut cleared) = (enter, 0);
-        for _ in 0..=end.x.abs_diff(cell.x) + end.y.abs_diff(cell.y) {
+        for _ in 0..end.x.abs_diff(cell.x) + end.y.abs_diff(cell.y) + 1 {
             let exit = if x.next < y.next { x.next } else { y.next };
             if cell != hit && self.is_ghost(cell, walk, [t, exit]) {
                 self.release(cell, Sample::seen_through(), forget);
@@ -156,7 +156,8 @@ impl ElevationGrid<'_> {
     /// The part of a beam over the window and low enough to be below a cell, as fractions
     /// of its length; `None` where there is none or the beam is not finite.
     fn inside(&self, origin: &[f32; 3], reach: &[f32; 3]) -> Option<[f32; 2]> {
-        let sum: f32 = origin.iter().chain(reach).sum();
+        // one sum is finite only if all its terms are
+        let sum = origin[0] + origin[1] + origin[2] + reach[0] + reach[1] + reach[2];
         if !sum.is_finite() {
             return None;
         }
