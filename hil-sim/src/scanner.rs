@@ -25,7 +25,7 @@ use rugosa_wire::range_code;
 
 use crate::device::{Device, TYPICAL_BRIGHTNESS};
 use crate::geometry::Beam;
-use crate::random::Random;
+use crate::random::{Random, noise_at};
 use crate::robot::Robot;
 use crate::terrain::Ray;
 
@@ -85,10 +85,7 @@ impl Albedo {
     pub fn at(&self, x: f64, y: f64, seed: u64) -> f64 {
         let (u, v) = (x / self.patch, y / self.patch);
         let (i, j) = (u.floor(), v.floor());
-        let node = |di: f64, dj: f64| {
-            let (a, b) = ((i + di) as i64 as u64, (j + dj) as i64 as u64);
-            Random::part(seed ^ 0xA1BE_D000, a, b).uniform()
-        };
+        let node = |di: f64, dj: f64| noise_at((i + di) as i64, (j + dj) as i64, seed);
         let ease = |t: f64| t * t * (3.0 - 2.0 * t);
         let (s, t) = (ease(u - i), ease(v - j));
         let south = node(0.0, 0.0) * (1.0 - s) + node(1.0, 0.0) * s;
@@ -170,14 +167,23 @@ pub struct Scanner {
 #[derive(Clone, Copy, Debug)]
 struct Echo {
     reading: f64,
-    /// albedo times cosine of incidence
-    brightness: f64,
+    /// cosine of incidence
+    cosine: f64,
+    /// where, on the map
+    place: [f64; 2],
 }
 
-/// What the nominal beams of a line meet: true readings \[m\], NaN for nothing.
+/// What the nominal beams of a line meet.
 struct Met {
     line: u16,
-    truth: Vec<f64>,
+    echoes: Vec<Option<Echo>>,
+}
+
+impl Met {
+    /// True reading \[m\], NaN for nothing.
+    fn truth(&self, column: usize) -> f64 {
+        self.echoes[column].map_or(f64::NAN, |echo| echo.reading)
+    }
 }
 
 /// A reading before it becomes a count.
@@ -260,24 +266,27 @@ impl Scanner {
         };
         let hit = self.robot.terrain.cast(&ray, reach)?;
         let place = ray.at(hit.distance);
-        let cosine = -hit.normal.dot(&ray.direction);
         Some(Echo {
             reading: hit.distance - beam.shift,
-            brightness: self.albedo.at(place.x, place.y, self.seed) * cosine.max(0.0),
+            cosine: (-hit.normal.dot(&ray.direction)).max(0.0),
+            place: [place.x, place.y],
         })
+    }
+
+    /// Part of the full scale that an echo contributes.
+    fn signal(&self, echo: &Echo) -> f64 {
+        let albedo = self.albedo.at(echo.place[0], echo.place[1], self.seed);
+        albedo * echo.cosine * self.falloff(echo.reading)
     }
 
     fn meet(&self, sweep: u32, line: u16) -> Met {
         let ends = self.sensor(sweep, line);
         let columns = usize::from(self.device.description.columns);
         let beams = &self.beams[usize::from(line) * columns..][..columns];
-        let reading = |(column, beam)| {
-            let echo = self.cast(&self.sensor_at(&ends, column), beam);
-            echo.map_or(f64::NAN, |echo| echo.reading)
-        };
+        let echo = |(column, beam)| self.cast(&self.sensor_at(&ends, column), beam);
         Met {
             line,
-            truth: beams.iter().enumerate().map(reading).collect(),
+            echoes: beams.iter().enumerate().map(echo).collect(),
         }
     }
 
@@ -288,16 +297,21 @@ impl Scanner {
             sweep,
             line: this.line,
             stamp_us: self.line_stamp_us(sweep, this.line),
-            ranges: Vec::with_capacity(this.truth.len()),
-            reflectances: Vec::with_capacity(this.truth.len()),
-            truth: this.truth.clone(),
+            ranges: Vec::with_capacity(this.echoes.len()),
+            reflectances: Vec::with_capacity(this.echoes.len()),
+            truth: (0..this.echoes.len()).map(|c| this.truth(c)).collect(),
             tally: Tally::default(),
         };
-        for column in 0..this.truth.len() {
-            let sensor = self.sensor_at(&ends, column);
+        for (column, nominal) in this.echoes.iter().enumerate() {
             let split = self.effects.mixed_pixels && beside_edge(this, beside, column);
-            let echoes = self.echoes(&sensor, (this.line, column as u16), split, &mut random);
-            let reading = self.read(&echoes, &mut random);
+            let reading = if split || self.effects.noise {
+                let sensor = self.sensor_at(&ends, column);
+                let beam = (this.line, column as u16);
+                let echoes = self.echoes(&sensor, beam, split, &mut random);
+                self.read(&echoes, &mut random)
+            } else {
+                self.read(&[*nominal], &mut random)
+            };
             self.note(reading, &mut line);
         }
         line
@@ -347,7 +361,7 @@ impl Scanner {
         let mut mixed = false;
         let turn = TAU / self.device.interval();
         for echo in echoes.iter().flatten() {
-            let signal = echo.brightness * self.falloff(echo.reading) / echoes.len() as f64;
+            let signal = self.signal(echo) / echoes.len() as f64;
             let farther = echo.reading - first;
             let (s, c) = (turn * farther).sin_cos();
             (sine, cosine, mean) = (
@@ -437,17 +451,18 @@ impl Scanner {
 
 /// Does the true range jump between this beam and one of its four neighbours?
 fn beside_edge(this: &Met, beside: [&Option<Met>; 2], column: usize) -> bool {
-    let here = this.truth[column];
+    let here = this.truth(column);
     let sides = [column.checked_sub(1), Some(column + 1)];
-    let along = sides
+    let sides = sides
         .into_iter()
         .flatten()
-        .filter_map(|c| this.truth.get(c));
-    let across = beside.into_iter().flatten().map(|met| &met.truth[column]);
+        .filter(|&c| c < this.echoes.len());
+    let along = sides.map(|c| this.truth(c));
+    let across = beside.into_iter().flatten().map(|met| met.truth(column));
     // the end of the terrain (NaN on one side) is an edge too
     along
         .chain(across)
-        .any(|&there| here.is_nan() != there.is_nan() || (here - there).abs() > JUMP)
+        .any(|there| here.is_nan() != there.is_nan() || (here - there).abs() > JUMP)
 }
 
 #[cfg(test)]
