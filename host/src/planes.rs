@@ -1,5 +1,6 @@
 //! The memory of a mapper on the heap, for a side that is known at run time.
 
+use rugosa::traversability::CellCost;
 use rugosa::{Memory, TileGround, tiles_of};
 use rugosa_fractal::roughness::{Block, TileSums};
 use rugosa_grid::Sample;
@@ -15,6 +16,7 @@ pub struct HeapPlanes {
     samples: Vec<Sample>,
     tiles: Vec<TileSums>,
     ground: Vec<TileGround>,
+    costs: Vec<CellCost>,
     block: Box<Block>,
     columns: Vec<Trig>,
     lines: Vec<LineTrig>,
@@ -29,6 +31,7 @@ impl HeapPlanes {
             samples: vec![Sample::UNKNOWN; side * side],
             tiles: vec![TileSums::EMPTY; tiles_of(side)],
             ground: vec![TileGround::EMPTY; tiles_of(side)],
+            costs: vec![CellCost::UNKNOWN; side * side],
             block: Box::new(Block::new()),
             columns: vec![Trig::ZERO; COLUMNS],
             lines: vec![LineTrig::ZERO; LINES],
@@ -42,6 +45,7 @@ impl HeapPlanes {
             + size_of_val(&self.samples[..])
             + size_of_val(&self.tiles[..])
             + size_of_val(&self.ground[..])
+            + size_of_val(&self.costs[..])
             + size_of_val(&*self.block)
             + size_of_val(&self.columns[..])
             + size_of_val(&self.lines[..])
@@ -55,6 +59,7 @@ impl HeapPlanes {
             samples: &mut self.samples,
             tiles: &mut self.tiles,
             ground: &mut self.ground,
+            costs: &mut self.costs,
             block: &mut self.block,
             columns: &mut self.columns,
             lines: &mut self.lines,

@@ -8,6 +8,7 @@
 //! from another machine, so that ratio is an orientation.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
+use rugosa::traversability::CellCost;
 use rugosa::{Config, Mapper, Memory, TileGround, tiles_of};
 use rugosa_fractal::roughness::{Block, TileSums};
 use rugosa_grid::Sample;
@@ -20,6 +21,7 @@ struct Planes {
     samples: Vec<Sample>,
     tiles: Vec<TileSums>,
     ground: Vec<TileGround>,
+    costs: Vec<CellCost>,
     block: Box<Block>,
 }
 
@@ -30,6 +32,7 @@ impl Planes {
             samples: vec![Sample::UNKNOWN; side * side],
             tiles: vec![TileSums::EMPTY; tiles_of(side)],
             ground: vec![TileGround::EMPTY; tiles_of(side)],
+            costs: vec![CellCost::UNKNOWN; side * side],
             block: Box::default(),
         }
     }
@@ -40,6 +43,7 @@ impl Planes {
             samples: &mut self.samples,
             tiles: &mut self.tiles,
             ground: &mut self.ground,
+            costs: &mut self.costs,
             block: &mut self.block,
             columns: &mut [],
             lines: &mut [],

@@ -54,6 +54,18 @@ pub enum Layer {
     Realisation,
     /// 1 where the mean is inferred, 0 where it rests on returns
     Inferred,
+    /// slope of the plane through the window of `Limits` \[rad\]
+    Slope,
+    /// greatest difference of elevation to the cell within the window \[m\]
+    Step,
+    /// σ(d) at the wheel base \[m\]
+    Roughness,
+    /// chance that a step within the window exceeds the critical one
+    HiddenStep,
+    /// 1 free … 0 impassable
+    Traversability,
+    /// number of the criterion behind the cost, see `traversability::Criterion`
+    Criterion,
 }
 
 /// What a layer is called and measured in.
@@ -99,6 +111,12 @@ pub const LAYERS: &[Description] = layers![
     StandardDeviation "standard_deviation" "m" false,
     Realisation "realisation" "m" false,
     Inferred "inferred" "" false,
+    Slope "slope" "rad" false,
+    Step "step" "m" false,
+    Roughness "roughness" "m" true,
+    HiddenStep "hidden_step" "" false,
+    Traversability "traversability" "" false,
+    Criterion "criterion" "" false,
 ];
 
 impl Layer {

@@ -20,6 +20,7 @@ pub mod outbox;
 mod progress;
 pub mod report;
 pub mod tiles;
+pub mod traversability;
 pub mod values;
 
 pub use config::{Config, ConfigError, PARAMETERS};

@@ -13,9 +13,11 @@ use crate::config::{Config, ConfigError, Moment, SampleRule};
 use crate::counters::{Counters, Returns};
 use crate::ingest::{self, Scanner};
 use crate::memory::Memory;
+use crate::outbox;
 use crate::progress::{Place, Progress};
 use crate::report::{Stage, SweepReport};
 use crate::tiles::{Ground, TileGround};
+use crate::traversability::{CellCost, Costs, LimitError, Limits};
 use nalgebra::Isometry3;
 use rugosa_fractal::roughness::{
     Committed, Method, Pool, Settings, StructureFunction, Trend, estimate,
@@ -33,6 +35,7 @@ use rugosa_wire::{
 /// The mapper: scanner, poses, grid, counters, roughness.
 pub struct Mapper<'m> {
     config: Config,
+    limits: Limits,
     scanner: Scanner<'m>,
     poses: PoseBuffer,
     progress: Progress<'m>,
@@ -48,6 +51,7 @@ pub(crate) struct Surface<'m> {
     pub(crate) grid: ElevationGrid<'m>,
     structure: StructureFunction<'m>,
     pub(crate) ground: Ground<'m>,
+    costs: Costs<'m>,
 }
 
 impl<'m> Mapper<'m> {
@@ -60,6 +64,7 @@ impl<'m> Mapper<'m> {
             .map_err(|_| ConfigError::Memory("cells"))?;
         Ok(Mapper {
             config,
+            limits: Limits::default(),
             scanner: Scanner::unknown(memory.columns, memory.lines),
             poses: pose_buffer(&config),
             progress: Progress::new(memory.received),
@@ -67,6 +72,7 @@ impl<'m> Mapper<'m> {
                 grid,
                 structure: StructureFunction::new(side, memory.tiles, memory.block),
                 ground: Ground::new(memory.ground),
+                costs: Costs::new(memory.costs),
             },
             counters: Counters::new(),
             until_ghost: 0,
@@ -256,8 +262,10 @@ impl<'m> Mapper<'m> {
         observe(Stage::Counters);
         let refreshed = self.surface.refresh(&settings);
         observe(Stage::Roughness);
-        self.counters.count(counter::SWEEPS);
         let survey = self.surface.survey(self.progress.sweep() as u16);
+        self.surface.judge(&self.limits);
+        observe(Stage::Traversability);
+        self.counters.count(counter::SWEEPS);
         self.counters.set(counter::CELLS_MEASURED, survey.measured);
         self.counters
             .set(counter::CELLS_SEEN_THROUGH, survey.seen_through);
@@ -365,6 +373,24 @@ impl<'m> Mapper<'m> {
         self.surface.ground.get(&Tiles::of(self.window()), tile)
     }
 
+    /// Cost of a cell and the criterion behind it; unknown outside the window.
+    pub fn cost(&self, cell: Cell) -> CellCost {
+        self.surface.costs.get(self.window(), cell)
+    }
+
+    /// What the robot can do.
+    pub fn limits(&self) -> &Limits {
+        &self.limits
+    }
+
+    /// Takes over other limits; the costs follow at the next commit.
+    pub fn set_limits(&mut self, limits: Limits) -> Result<(), LimitError> {
+        limits.check()?;
+        self.limits = limits;
+        self.surface.ground.all_stale();
+        Ok(())
+    }
+
     /// The last pose that arrived.
     pub fn last_pose(&self) -> Option<(u64, Isometry3<f32>)> {
         self.poses.last()
@@ -446,9 +472,28 @@ impl Surface<'_> {
             .refresh(self.structure.tiles(), &tiles, settings)
     }
 
+    /// Costs of the tiles whose cells, neighbours or roughness changed.
+    fn judge(&mut self, limits: &Limits) {
+        let tiles = Tiles::of(self.grid.window());
+        for tile in tiles.tiles() {
+            if !self.ground.take_cost_stale(&tiles, tile) {
+                continue;
+            }
+            let roughness = self.ground.get(&tiles, tile).and_then(|g| g.estimate.ok());
+            if self
+                .costs
+                .refresh(&self.grid, tile, roughness.as_ref(), limits)
+                && let Some(ground) = self.ground.get_mut(&tiles, tile)
+            {
+                ground.unsent |= outbox::COSTS;
+            }
+        }
+    }
+
     /// Counts the cells by state and marks the tiles that this sweep touched.
     fn survey(&mut self, sweep: u16) -> Survey {
         let mut survey = Survey::default();
+        self.ground.untouched();
         let window = *self.grid.window();
         for cell in window.cells() {
             match self.grid.state(cell) {

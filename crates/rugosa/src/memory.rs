@@ -6,6 +6,7 @@
 
 use crate::ConfigError;
 use crate::tiles::TileGround;
+use crate::traversability::CellCost;
 use rugosa_fractal::roughness::{Block, StructureFunction, TileSums};
 use rugosa_grid::{Sample, Tiles};
 use rugosa_terrain::{GroundCell, LineTrig, Trig};
@@ -25,6 +26,8 @@ pub struct Memory<'m> {
     pub tiles: &'m mut [TileSums],
     /// roughness by tile, [`tiles_of`] entries
     pub ground: &'m mut [TileGround],
+    /// `side²` costs
+    pub costs: &'m mut [CellCost],
     /// scratch of the structure function
     pub block: &'m mut Block,
     /// sines and cosines by column; their number limits the scanner
@@ -55,6 +58,7 @@ impl Memory<'_> {
         }
         let checks = [
             ("samples", self.samples.len() == side * side),
+            ("costs", self.costs.len() == side * side),
             (
                 "tiles",
                 self.tiles.len() == StructureFunction::tiles_needed(side),
@@ -75,6 +79,7 @@ pub struct Planes<const CELLS: usize, const TILES: usize> {
     samples: [Sample; CELLS],
     tiles: [TileSums; TILES],
     ground: [TileGround; TILES],
+    costs: [CellCost; CELLS],
     block: Block,
     columns: [Trig; COLUMNS],
     lines: [LineTrig; LINES],
@@ -102,6 +107,7 @@ impl<const CELLS: usize, const TILES: usize> Planes<CELLS, TILES> {
             samples: [Sample::UNKNOWN; CELLS],
             tiles: [TileSums::EMPTY; TILES],
             ground: [TileGround::EMPTY; TILES],
+            costs: [CellCost::UNKNOWN; CELLS],
             block: Block::new(),
             columns: [Trig::ZERO; COLUMNS],
             lines: [LineTrig::ZERO; LINES],
@@ -116,6 +122,7 @@ impl<const CELLS: usize, const TILES: usize> Planes<CELLS, TILES> {
             samples: &mut self.samples,
             tiles: &mut self.tiles,
             ground: &mut self.ground,
+            costs: &mut self.costs,
             block: &mut self.block,
             columns: &mut self.columns,
             lines: &mut self.lines,

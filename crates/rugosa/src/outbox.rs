@@ -21,6 +21,9 @@ pub const CELLS: u8 = 1;
 /// Group of layers: roughness.
 pub const ROUGHNESS: u8 = 2;
 
+/// Group of layers: costs.
+pub const COSTS: u8 = 4;
+
 /// Layers that are sent, by group.
 const SENT: &[(u8, Layer)] = &[
     (CELLS, Layer::Elevation),
@@ -29,6 +32,7 @@ const SENT: &[(u8, Layer)] = &[
     (ROUGHNESS, Layer::Dimension),
     (ROUGHNESS, Layer::Sigma),
     (ROUGHNESS, Layer::DimensionError),
+    (COSTS, Layer::Traversability),
 ];
 
 /// Number for unknown.
@@ -69,7 +73,7 @@ pub fn refresh(mapper: &mut Mapper) {
     let tiles = Tiles::of(mapper.window());
     for tile in tiles.tiles() {
         if let Some(ground) = mapper.surface.ground.get_mut(&tiles, tile) {
-            ground.unsent = CELLS | ROUGHNESS;
+            ground.unsent = CELLS | ROUGHNESS | COSTS;
         }
     }
 }

@@ -26,4 +26,6 @@ pub enum Stage {
     Counters,
     /// roughness is refreshed
     Roughness,
+    /// costs are refreshed
+    Traversability,
 }

@@ -14,6 +14,10 @@ pub struct TileGround {
     /// roughness of the 3 × 3 tiles around, or why there is none
     pub estimate: Result<Roughness, Reason>,
     stale: bool,
+    /// its costs are out of date
+    cost_stale: bool,
+    /// a cell of it changed in this sweep
+    touched: bool,
     /// groups of layers that changed since they were sent, see `outbox`
     pub(crate) unsent: u8,
     /// how often other tiles were sent before this one
@@ -25,6 +29,8 @@ impl TileGround {
     pub const EMPTY: TileGround = TileGround {
         estimate: Err(Reason::TooFewPairs),
         stale: false,
+        cost_stale: false,
+        touched: false,
         unsent: 0,
         waited: 0,
     };
@@ -49,8 +55,35 @@ impl<'m> Ground<'m> {
 
     /// The elevation of a cell changed.
     pub(crate) fn changed(&mut self, window: &Window, cell: Cell) {
-        if let Some(ground) = self.get_mut(&Tiles::of(window), Tile::of(cell)) {
+        let (tiles, tile) = (Tiles::of(window), Tile::of(cell));
+        if let Some(ground) = self.get_mut(&tiles, tile)
+            && !core::mem::replace(&mut ground.touched, true)
+        {
             ground.unsent |= outbox::CELLS;
+            self.each_around(&tiles, tile, |near| near.cost_stale = true);
+        }
+    }
+
+    /// A new sweep begins: no tile has been touched in it.
+    pub(crate) fn untouched(&mut self) {
+        for tile in self.0.iter_mut() {
+            tile.touched = false;
+        }
+    }
+
+    /// Does the tile want new costs? Asking resets it.
+    pub(crate) fn take_cost_stale(&mut self, tiles: &Tiles, tile: Tile) -> bool {
+        self.get_mut(tiles, tile)
+            .is_some_and(|ground| core::mem::take(&mut ground.cost_stale))
+    }
+
+    fn each_around(&mut self, tiles: &Tiles, tile: Tile, apply: impl Fn(&mut TileGround)) {
+        for y in -1..=1 {
+            for x in -1..=1 {
+                if let Some(near) = self.get_mut(tiles, Tile::new(tile.x + x, tile.y + y)) {
+                    apply(near);
+                }
+            }
         }
     }
 
@@ -58,6 +91,7 @@ impl<'m> Ground<'m> {
     pub(crate) fn all_stale(&mut self) {
         for tile in self.0.iter_mut() {
             tile.stale = true;
+            tile.cost_stale = true;
         }
     }
 
@@ -68,17 +102,7 @@ impl<'m> Ground<'m> {
                 continue;
             };
             if sums[slot].take_changed() {
-                self.mark_around(tiles, tile);
-            }
-        }
-    }
-
-    fn mark_around(&mut self, tiles: &Tiles, tile: Tile) {
-        for y in -1..=1 {
-            for x in -1..=1 {
-                if let Some(near) = self.get_mut(tiles, Tile::new(tile.x + x, tile.y + y)) {
-                    near.stale = true;
-                }
+                self.each_around(tiles, tile, |near| near.stale = true);
             }
         }
     }
@@ -95,6 +119,7 @@ impl<'m> Ground<'m> {
                 if fresh != ground.estimate {
                     ground.estimate = fresh;
                     ground.unsent |= outbox::ROUGHNESS;
+                    ground.cost_stale = true;
                 }
                 refreshed += 1;
             }

@@ -3,8 +3,9 @@
 use crate::Mapper;
 use crate::layer::Layer;
 use crate::tiles::TileGround;
+use crate::traversability::{Features, Patch, REACH, around, grid_map};
 use rugosa_fractal::roughness::Reason;
-use rugosa_grid::{Cell, State, Tile};
+use rugosa_grid::{Cell, State, TILE, Tile, Tiles, math};
 
 /// Standard deviations between the elevation and its bounds.
 const BOUND_SIGMAS: f32 = 2.0;
@@ -17,13 +18,31 @@ impl Mapper<'_> {
             let tile = self
                 .tile(Tile::of(cell))
                 .filter(|_| self.window().contains(cell));
-            return tile.map_or(f32::NAN, |ground| of_tile(layer, ground));
+            return match layer {
+                Layer::Roughness => tile.map_or(f32::NAN, |g| self.at_wheel_base(g)),
+                _ => tile.map_or(f32::NAN, |ground| of_tile(layer, ground)),
+            };
         }
         self.of_cell(layer, cell).unwrap_or(f32::NAN)
     }
 
+    /// σ(d) at the wheel base \[m\].
+    fn at_wheel_base(&self, ground: &TileGround) -> f32 {
+        ground.estimate.map_or(f32::NAN, |r| {
+            r.sigma * math::powf(self.limits().wheel_base, r.hurst)
+        })
+    }
+
     fn of_cell(&self, layer: Layer, cell: Cell) -> Option<f32> {
         let grid = self.grid();
+        match layer {
+            Layer::Traversability => return Some(grid_map(self.cost(cell).cost())),
+            Layer::Criterion => return Some(f32::from(self.cost(cell).criterion as u8)),
+            Layer::Slope | Layer::Step | Layer::HiddenStep => {
+                return feature(layer, &self.features_of(Tile::of(cell)), cell);
+            }
+            _ => {}
+        }
         if layer == Layer::State {
             return self
                 .window()
@@ -44,6 +63,55 @@ impl Mapper<'_> {
             _ => return None,
         })
     }
+}
+
+impl Mapper<'_> {
+    /// Slope, step and hidden step of the cells of a tile, row by row; `None` where a
+    /// cell is not measured.
+    pub fn features_of(&self, tile: Tile) -> [[Option<Features>; TILE as usize]; TILE as usize] {
+        let roughness = self.tile(tile).and_then(|ground| ground.estimate.ok());
+        let around = around(self.grid(), roughness.as_ref(), self.limits());
+        let mut patch = Patch::new();
+        patch.fill(self.grid(), tile, REACH);
+        core::array::from_fn(|row| {
+            let features = patch.row(row, &around);
+            core::array::from_fn(|column| patch.is_measured(row, column).then(|| features[column]))
+        })
+    }
+
+    /// Fills a plane of `side²` values of a layer, row by row from the south-west corner;
+    /// the same values as [`Mapper::value`], tile by tile.
+    pub fn fill(&self, layer: Layer, plane: &mut [f32]) {
+        let window = *self.window();
+        let is_feature = matches!(layer, Layer::Slope | Layer::Step | Layer::HiddenStep);
+        let place = |cell: Cell| {
+            let (x, y) = (cell.x - window.origin().x, cell.y - window.origin().y);
+            y as usize * window.side() + x as usize
+        };
+        for tile in Tiles::of(&window).tiles() {
+            let features = is_feature.then(|| self.features_of(tile));
+            for cell in tile.cells().filter(|&cell| window.contains(cell)) {
+                plane[place(cell)] = match &features {
+                    Some(features) => feature(layer, features, cell).unwrap_or(f32::NAN),
+                    None => self.value(layer, cell),
+                };
+            }
+        }
+    }
+}
+
+fn feature(
+    layer: Layer,
+    features: &[[Option<Features>; TILE as usize]; TILE as usize],
+    cell: Cell,
+) -> Option<f32> {
+    let (row, column) = (cell.y.rem_euclid(TILE), cell.x.rem_euclid(TILE));
+    let features = features[row as usize][column as usize]?;
+    Some(match layer {
+        Layer::Slope => features.slope,
+        Layer::Step => features.step,
+        _ => features.hidden_step,
+    })
 }
 
 fn of_tile(layer: Layer, ground: &TileGround) -> f32 {

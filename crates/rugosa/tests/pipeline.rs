@@ -1,5 +1,6 @@
 //! The pipeline from messages to layers, on ground whose answer is known.
 
+use rugosa::traversability::{Criterion, Footprint};
 use rugosa::{Config, Layer, Mapper, Planes33, Planes65, SweepReport};
 use rugosa_fractal::roughness::{Block, Pool, StructureFunction, TileSums};
 use rugosa_grid::{Cell, Tile};
@@ -47,7 +48,10 @@ fn range_to(ground: &dyn Fn(f64, f64) -> f64, at: [f64; 2], line: u16, column: u
     };
     let mut r = 0.3;
     while height(r) > 0.0 && r < 60.0 {
-        r += 0.002;
+        r += 0.02;
+    }
+    while height(r) <= 0.0 {
+        r -= 0.001;
     }
     if r < 60.0 {
         (r * 1000.0) as u16
@@ -354,4 +358,53 @@ fn parameters_are_checked_when_set_over_the_link() {
     assert_eq!(mapper.config().gate, 5.0);
     assert_eq!(mapper.counters().get(counter::CONFIGURE_REFUSED), 3);
     assert!(mapper.tile(Tile::new(0, 0)).is_some());
+}
+
+#[test]
+fn a_wall_is_impassable_and_the_unseen_is_never_free() {
+    let mut planes = Box::new(Planes65::new());
+    let mut mapper = Mapper::new(Config::default(), planes.lend()).unwrap();
+    mapper.describe(&scanner());
+    let wall = |x: f64, y: f64| {
+        if (x - 1.0).abs() < 0.15 && y.abs() < 1.0 {
+            0.6
+        } else {
+            0.0
+        }
+    };
+    for number in 1..4 {
+        sweep(&mut mapper, number, [0.1 * f64::from(number), 0.0], &wall);
+    }
+    let circle = Footprint::Circle(0.25);
+    let at = |x: f32, y: f32| mapper.footprint(&circle, [x, y, 0.0]);
+    let blocked = at(1.0, 0.0);
+    assert_eq!((blocked.cost, blocked.reason), (Some(1.0), Criterion::Step));
+    assert!((mapper.lattice().centre(blocked.worst).0 - 1.0).abs() < 0.6);
+    assert!(at(-1.0, 0.0).cost.unwrap() < 0.5, "{:?}", at(-1.0, 0.0));
+    assert!(at(0.0, 1.0).cost.unwrap() < 0.5, "{:?}", at(0.0, 1.0));
+    let unseen = at(100.0, 0.0);
+    assert_eq!((unseen.cost, unseen.unknown), (None, unseen.cells));
+
+    // a long robot that drives along x meets the wall, across it does not
+    let long = Footprint::Polygon(&[[0.9, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.9, -0.2]]);
+    assert_eq!(mapper.footprint(&long, [0.0, 0.0, 0.0]).cost, Some(1.0));
+    let turned = mapper.footprint(&long, [0.0, 0.0, std::f32::consts::FRAC_PI_2]);
+    assert!(turned.cost.unwrap() < 0.9, "{turned:?}");
+    let poses = [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]];
+    let costs: Vec<_> = mapper.path(&circle, &poses).map(|c| c.cost).collect();
+    assert!(costs[0] < costs[1]);
+
+    // the plane of a layer holds the values of its cells
+    let mut plane = vec![0.0; 65 * 65];
+    for layer in [
+        Layer::Slope,
+        Layer::Step,
+        Layer::Traversability,
+        Layer::Dimension,
+    ] {
+        mapper.fill(layer, &mut plane);
+        for (value, cell) in plane.iter().zip(mapper.window().cells()) {
+            assert_eq!(value.to_bits(), mapper.value(layer, cell).to_bits());
+        }
+    }
 }

@@ -1,0 +1,242 @@
+//! From features to one cost, and to the scales of planners.
+
+use super::Limits;
+use super::features::{Around, Features, Patch, disc};
+use rugosa_fractal::roughness::Roughness;
+use rugosa_grid::{Cell, State, TILE, Tile, Window, math};
+use rugosa_terrain::ElevationGrid;
+
+/// What made the cost of a cell.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Criterion {
+    /// nothing: the cell is unknown
+    #[default]
+    Unknown = 0,
+    /// nothing: the cell is free
+    Free,
+    /// the slope
+    Slope,
+    /// a step
+    Step,
+    /// the roughness at the wheel base
+    Roughness,
+    /// the fractal dimension
+    Dimension,
+    /// the uncertainty of the elevation
+    Uncertainty,
+    /// the chance of a step in what was not seen
+    HiddenStep,
+    /// a beam went through the ground: a hole
+    Hole,
+}
+
+/// In the order in which equal costs are explained.
+const CRITERIA: [Criterion; 6] = [
+    Criterion::Step,
+    Criterion::Slope,
+    Criterion::Roughness,
+    Criterion::Dimension,
+    Criterion::Uncertainty,
+    Criterion::HiddenStep,
+];
+
+/// Cost of a cell and the criterion behind it, 2 bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CellCost {
+    /// in 1/250; 250 is impassable
+    parts: u8,
+    /// what made it
+    pub criterion: Criterion,
+}
+
+const PARTS: f32 = 250.0;
+
+impl CellCost {
+    /// Nothing is known.
+    pub const UNKNOWN: CellCost = CellCost {
+        parts: 0,
+        criterion: Criterion::Unknown,
+    };
+
+    fn new(cost: f32, criterion: Criterion) -> Self {
+        let parts = math::round_index(cost * PARTS).clamp(0, PARTS as i32) as u8;
+        CellCost { parts, criterion }
+    }
+
+    /// The cost, 0 … 1, to 1/250; `None` where the cell is unknown.
+    pub fn cost(&self) -> Option<f32> {
+        (self.criterion != Criterion::Unknown).then(|| f32::from(self.parts) / PARTS)
+    }
+}
+
+/// nav2: 0 free … 252, 254 impassable, 255 unknown.
+pub fn nav2(cost: Option<f32>) -> u8 {
+    match cost {
+        None => 255,
+        Some(cost) if cost >= 1.0 => 254,
+        Some(cost) => math::round_index(cost * 252.0).clamp(0, 252) as u8,
+    }
+}
+
+/// OccupancyGrid: 0 free … 100 impassable, −1 unknown.
+pub fn occupancy(cost: Option<f32>) -> i8 {
+    cost.map_or(-1, |cost| {
+        math::round_index(cost * 100.0).clamp(0, 100) as i8
+    })
+}
+
+/// grid_map traversability: 1 good … 0 impassable, NaN unknown.
+pub fn grid_map(cost: Option<f32>) -> f32 {
+    cost.map_or(f32::NAN, |cost| 1.0 - cost)
+}
+
+/// The costs of a map, in the slots of its window.
+pub(crate) struct Costs<'m> {
+    plane: &'m mut [CellCost],
+}
+
+impl<'m> Costs<'m> {
+    pub(crate) fn new(plane: &'m mut [CellCost]) -> Self {
+        plane.fill(CellCost::UNKNOWN);
+        Costs { plane }
+    }
+
+    pub(crate) fn get(&self, window: &Window, cell: Cell) -> CellCost {
+        window
+            .slot(cell)
+            .map_or(CellCost::UNKNOWN, |slot| self.plane[slot])
+    }
+
+    /// Judges the cells of a tile anew; true where a cost changed.
+    pub(crate) fn refresh(
+        &mut self,
+        grid: &ElevationGrid,
+        tile: Tile,
+        roughness: Option<&Roughness>,
+        limits: &Limits,
+    ) -> bool {
+        let around = around(grid, roughness, limits);
+        let mut patch = Patch::new();
+        patch.fill(grid, tile, disc(around.radius / around.resolution));
+        let judge = Judge::new(limits, roughness);
+        let mut changed = false;
+        for row in 0..TILE as usize {
+            let features = patch.row(row, &around);
+            for (column, features) in features.iter().enumerate() {
+                let cell = tile.origin().offset(column as i32, row as i32);
+                let Some(slot) = grid.window().slot(cell) else {
+                    continue;
+                };
+                let cost = match grid.state(cell) {
+                    State::Unknown => CellCost::UNKNOWN,
+                    State::SeenThrough => CellCost::new(1.0, Criterion::Hole),
+                    State::Measured => judge.cost(features),
+                };
+                changed |= core::mem::replace(&mut self.plane[slot], cost) != cost;
+            }
+        }
+        changed
+    }
+}
+
+/// What the features of a tile depend on.
+pub(crate) fn around<'a>(
+    grid: &ElevationGrid,
+    roughness: Option<&'a Roughness>,
+    limits: &Limits,
+) -> Around<'a> {
+    Around {
+        resolution: grid.lattice().resolution(),
+        radius: limits.window,
+        limit: limits.step.critical,
+        roughness,
+    }
+}
+
+/// The limits with what is the same for all cells of a tile.
+struct Judge<'a> {
+    limits: &'a Limits,
+    /// costs of roughness and dimension
+    tile: [f32; 2],
+}
+
+impl<'a> Judge<'a> {
+    fn new(limits: &'a Limits, roughness: Option<&Roughness>) -> Self {
+        let tile = roughness.map_or([0.0; 2], |r| {
+            let at_base = r.sigma * math::powf(limits.wheel_base, r.hurst);
+            [
+                limits.roughness.cost(at_base),
+                limits.dimension.cost(r.dimension),
+            ]
+        });
+        Judge { limits, tile }
+    }
+
+    fn cost(&self, features: &Features) -> CellCost {
+        let costs = [
+            self.limits.step.cost(features.step),
+            self.limits.slope.cost(features.slope),
+            self.tile[0],
+            self.tile[1],
+            self.limits.uncertainty.cost(features.uncertainty),
+            self.limits.hidden_step.cost(features.hidden_step),
+        ];
+        let (mut worst, mut criterion) = (0.0, Criterion::Free);
+        for (cost, candidate) in costs.into_iter().zip(CRITERIA) {
+            if cost > worst {
+                (worst, criterion) = (cost, candidate);
+            }
+        }
+        CellCost::new(worst, criterion)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_scales_of_planners() {
+        let cases = [
+            (None, 255, -1, f32::NAN),
+            (Some(0.0), 0, 0, 1.0),
+            (Some(0.5), 126, 50, 0.5),
+            (Some(0.999), 252, 100, 0.001),
+            (Some(1.0), 254, 100, 0.0),
+        ];
+        for (cost, n, o, g) in cases {
+            assert_eq!((nav2(cost), occupancy(cost)), (n, o));
+            assert!((grid_map(cost) - g).abs() < 1e-6 || cost.is_none());
+        }
+    }
+
+    #[test]
+    fn the_worst_criterion_decides() {
+        let limits = Limits::default();
+        let smooth = Features {
+            slope: 0.0,
+            step: 0.0,
+            hidden_step: 0.0,
+            uncertainty: 0.0,
+        };
+        let judge = Judge::new(&limits, None);
+        assert_eq!(judge.cost(&smooth), CellCost::new(0.0, Criterion::Free));
+        let steep = Features {
+            slope: 0.435,
+            step: 0.12,
+            ..smooth
+        };
+        assert_eq!(judge.cost(&steep).criterion, Criterion::Slope);
+        assert!((judge.cost(&steep).cost().unwrap() - 0.5).abs() < 0.01);
+        let rough = Roughness {
+            hurst: 0.5,
+            sigma: 0.4,
+            dimension: 2.5,
+            ..Roughness::default()
+        };
+        let cost = Judge::new(&limits, Some(&rough)).cost(&smooth);
+        assert_eq!(cost, CellCost::new(1.0, Criterion::Roughness));
+        assert_eq!(CellCost::UNKNOWN.cost(), None);
+    }
+}

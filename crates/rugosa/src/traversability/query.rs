@@ -1,0 +1,135 @@
+//! Can the robot stand at this pose? Along this path?
+//!
+//! Frame: the footprint in the body frame (x forward, y left), poses (x, y, yaw) in the
+//! map frame. Every cell whose centre lies in the footprint, at least the one under the
+//! robot's origin, is asked. Cost: the cells of the footprint's bounding box.
+
+use super::{CellCost, Criterion};
+use crate::Mapper;
+use rugosa_grid::{Cell, math};
+
+/// The outline of the robot on the ground.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Footprint<'a> {
+    /// a circle of this radius \[m\]
+    Circle(f32),
+    /// a simple polygon of corners \[m\], in either sense of rotation
+    Polygon(&'a [[f32; 2]]),
+}
+
+/// What a footprint stands on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FootprintCost {
+    /// greatest cost of a known cell, 0 … 1; `None` where all cells are unknown
+    pub cost: Option<f32>,
+    /// the cell with that cost, or the cell under the origin
+    pub worst: Cell,
+    /// what made the cost
+    pub reason: Criterion,
+    /// cells in the footprint
+    pub cells: u32,
+    /// cells of them that are unknown
+    pub unknown: u32,
+}
+
+impl Footprint<'_> {
+    fn radius(&self) -> f32 {
+        match self {
+            Footprint::Circle(radius) => *radius,
+            Footprint::Polygon(corners) => corners
+                .iter()
+                .map(|[x, y]| math::sqrt(x * x + y * y))
+                .fold(0.0, |a, b| if b > a { b } else { a }),
+        }
+    }
+
+    /// Is the point \[m\] of the body frame inside?
+    fn holds(&self, x: f32, y: f32) -> bool {
+        match self {
+            Footprint::Circle(radius) => x * x + y * y <= radius * radius,
+            Footprint::Polygon(corners) => is_inside(corners, x, y),
+        }
+    }
+}
+
+/// Even–odd rule.
+fn is_inside(corners: &[[f32; 2]], x: f32, y: f32) -> bool {
+    let mut inside = false;
+    for (i, [x1, y1]) in corners.iter().enumerate() {
+        let [x2, y2] = corners[(i + 1) % corners.len()];
+        if (*y1 > y) != (y2 > y) && x < x1 + (y - y1) / (y2 - y1) * (x2 - x1) {
+            inside = !inside;
+        }
+    }
+    inside
+}
+
+impl Mapper<'_> {
+    /// What the footprint stands on at a pose (x \[m\], y \[m\], yaw \[rad\]).
+    pub fn footprint(&self, footprint: &Footprint, [x, y, yaw]: [f32; 3]) -> FootprintCost {
+        let (sin, cos) = (math::sin(yaw), math::cos(yaw));
+        let (origin, ..) = self.lattice().locate(x, y);
+        let reach = math::floor_index(footprint.radius() / self.lattice().resolution()) + 1;
+        let mut found = FootprintCost {
+            cost: None,
+            worst: origin,
+            reason: Criterion::Unknown,
+            cells: 0,
+            unknown: 0,
+        };
+        for dy in -reach..=reach {
+            for dx in -reach..=reach {
+                let cell = origin.offset(dx, dy);
+                let (cx, cy) = self.lattice().centre(cell);
+                let (east, north) = (cx - x, cy - y);
+                let (ahead, left) = (cos * east + sin * north, cos * north - sin * east);
+                if cell == origin || footprint.holds(ahead, left) {
+                    found.meet(cell, self.cost(cell));
+                }
+            }
+        }
+        found
+    }
+
+    /// The costs of a footprint along a path of poses, one by one.
+    pub fn path<'p>(
+        &'p self,
+        footprint: &'p Footprint,
+        poses: &'p [[f32; 3]],
+    ) -> impl Iterator<Item = FootprintCost> + 'p {
+        poses.iter().map(|pose| self.footprint(footprint, *pose))
+    }
+}
+
+impl FootprintCost {
+    fn meet(&mut self, cell: Cell, cost: CellCost) {
+        self.cells += 1;
+        let Some(value) = cost.cost() else {
+            self.unknown += 1;
+            return;
+        };
+        if self.cost.is_none_or(|worst| value > worst) {
+            (self.cost, self.worst, self.reason) = (Some(value), cell, cost.criterion);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_polygon_knows_its_inside() {
+        let corners = [[0.5, 0.2], [-0.3, 0.2], [-0.3, -0.2], [0.5, -0.2]];
+        for sense in [corners, {
+            let mut turned = corners;
+            turned.reverse();
+            turned
+        }] {
+            assert!(is_inside(&sense, 0.4, 0.1) && is_inside(&sense, -0.2, -0.1));
+            assert!(!is_inside(&sense, -0.4, 0.0) && !is_inside(&sense, 0.0, 0.3));
+        }
+        assert!(!is_inside(&[], 0.0, 0.0));
+        assert!((Footprint::Polygon(&corners).radius() - 0.5385).abs() < 1e-3);
+    }
+}
