@@ -31,3 +31,8 @@ pub mod scanner;
 pub mod stream;
 pub mod terrain;
 pub mod transmit;
+
+/// Compiles the examples of the documentation.
+#[cfg(doctest)]
+#[doc = include_str!("../../docs/simulator.md")]
+struct Documentation;
