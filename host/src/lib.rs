@@ -13,4 +13,6 @@ pub mod error;
 pub mod export;
 pub mod io;
 pub mod layers;
+pub mod link;
 pub mod planes;
+pub mod recording;

@@ -68,6 +68,42 @@ pub enum Message {
     Reset,
 }
 
+impl Message {
+    /// Name of the kind of message, as in recordings: `line`, `pose`, `sweep_end`, ….
+    pub const fn kind(&self) -> &'static str {
+        match self {
+            Message::Hello(_) => "hello",
+            Message::Scanner(_) => "scanner",
+            Message::BeamTable(_) => "beam_table",
+            Message::Line(_) => "line",
+            Message::Pose(_) => "pose",
+            Message::SweepEnd(_) => "sweep_end",
+            Message::Status(_) => "status",
+            Message::Patch(_) => "patch",
+            Message::Configure(_) => "configure",
+            Message::Ack(_) => "ack",
+            Message::Credit(_) => "credit",
+            Message::Heartbeat(_) => "heartbeat",
+            Message::Echo(_) => "echo",
+            Message::EchoReply(_) => "echo_reply",
+            Message::Source { .. } => "source",
+            Message::Sink { .. } => "sink",
+            Message::Refresh => "refresh",
+            Message::Reset => "reset",
+        }
+    }
+
+    /// Time of a measurement on the scanner's clock, microseconds.
+    pub const fn stamp_us(&self) -> Option<u64> {
+        match self {
+            Message::Line(line) => Some(line.stamp_us),
+            Message::Pose(pose) => Some(pose.stamp_us),
+            Message::SweepEnd(end) => Some(end.stamp_us),
+            _ => None,
+        }
+    }
+}
+
 /// Greeting; both sides repeat it until each knows that the other has heard it.
 ///
 /// Header, variant 0 and the first two fields keep their place in every version of the
@@ -94,6 +130,20 @@ pub struct Hello {
     pub map_side: u16,
     /// map resolution in micrometres, 0 where there is none
     pub resolution_um: u32,
+}
+
+impl Role {
+    /// All roles.
+    pub const ALL: [Role; 3] = [Role::Scanner, Role::Module, Role::Host];
+
+    /// Name of the role, as in recordings.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Role::Scanner => "scanner",
+            Role::Module => "module",
+            Role::Host => "host",
+        }
+    }
 }
 
 impl Hello {
