@@ -1,7 +1,7 @@
 //! The memory of a mapper on the heap, for a side that is known at run time.
 
 use rugosa::traversability::CellCost;
-use rugosa::{Memory, TileGround, tiles_of};
+use rugosa::{Memory, TileGround, solver_of, tiles_of};
 use rugosa_fractal::roughness::{Block, TileSums};
 use rugosa_grid::Sample;
 use rugosa_terrain::{GroundCell, LineTrig, Trig};
@@ -17,6 +17,8 @@ pub struct HeapPlanes {
     tiles: Vec<TileSums>,
     ground: Vec<TileGround>,
     costs: Vec<CellCost>,
+    solver: Vec<f32>,
+    mean: Vec<f32>,
     block: Box<Block>,
     columns: Vec<Trig>,
     lines: Vec<LineTrig>,
@@ -32,6 +34,8 @@ impl HeapPlanes {
             tiles: vec![TileSums::EMPTY; tiles_of(side)],
             ground: vec![TileGround::EMPTY; tiles_of(side)],
             costs: vec![CellCost::UNKNOWN; side * side],
+            solver: vec![0.0; solver_of(side)],
+            mean: vec![0.0; side * side],
             block: Box::new(Block::new()),
             columns: vec![Trig::ZERO; COLUMNS],
             lines: vec![LineTrig::ZERO; LINES],
@@ -46,6 +50,8 @@ impl HeapPlanes {
             + size_of_val(&self.tiles[..])
             + size_of_val(&self.ground[..])
             + size_of_val(&self.costs[..])
+            + size_of_val(&self.solver[..])
+            + size_of_val(&self.mean[..])
             + size_of_val(&*self.block)
             + size_of_val(&self.columns[..])
             + size_of_val(&self.lines[..])
@@ -60,6 +66,8 @@ impl HeapPlanes {
             tiles: &mut self.tiles,
             ground: &mut self.ground,
             costs: &mut self.costs,
+            solver: &mut self.solver,
+            mean: &mut self.mean,
             block: &mut self.block,
             columns: &mut self.columns,
             lines: &mut self.lines,

@@ -44,6 +44,8 @@ impl Planes {
             tiles: &mut self.tiles,
             ground: &mut self.ground,
             costs: &mut self.costs,
+            solver: &mut [],
+            mean: &mut [],
             block: &mut self.block,
             columns: &mut [],
             lines: &mut [],

@@ -18,6 +18,7 @@ pub mod mapper;
 pub mod memory;
 pub mod outbox;
 mod progress;
+pub mod reconstruct;
 pub mod report;
 pub mod tiles;
 pub mod traversability;
@@ -27,7 +28,10 @@ pub use config::{Config, ConfigError, PARAMETERS};
 pub use counters::Counters;
 pub use layer::{LAYERS, Layer};
 pub use mapper::Mapper;
-pub use memory::{Memory, Planes, Planes33, Planes65, Planes129, is_side, tiles_of};
+pub use memory::{
+    Memory, Planes, Planes33, Planes65, Planes129, Solver, Solver33, Solver65, Solver129, is_side,
+    solver_of, tiles_of,
+};
 pub use outbox::Outbox;
 pub use report::{Stage, SweepReport};
 pub use tiles::TileGround;

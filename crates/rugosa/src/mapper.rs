@@ -15,6 +15,7 @@ use crate::ingest::{self, Scanner};
 use crate::memory::Memory;
 use crate::outbox;
 use crate::progress::{Place, Progress};
+use crate::reconstruct::Reconstruction;
 use crate::report::{Stage, SweepReport};
 use crate::tiles::{Ground, TileGround};
 use crate::traversability::{CellCost, Costs, LimitError, Limits};
@@ -40,6 +41,7 @@ pub struct Mapper<'m> {
     poses: PoseBuffer,
     progress: Progress<'m>,
     pub(crate) surface: Surface<'m>,
+    reconstruction: Reconstruction<'m>,
     counters: Counters,
     /// returns until the next beam is followed to clear ghosts
     until_ghost: u32,
@@ -71,9 +73,10 @@ impl<'m> Mapper<'m> {
             surface: Surface {
                 grid,
                 structure: StructureFunction::new(side, memory.tiles, memory.block),
-                ground: Ground::new(memory.ground),
+                ground: Ground::new(memory.ground, !memory.solver.is_empty()),
                 costs: Costs::new(memory.costs),
             },
+            reconstruction: Reconstruction::new(side, memory.solver, memory.mean),
             counters: Counters::new(),
             until_ghost: 0,
         })
@@ -262,6 +265,13 @@ impl<'m> Mapper<'m> {
         observe(Stage::Counters);
         let refreshed = self.surface.refresh(&settings);
         observe(Stage::Roughness);
+        let roughness = estimate(&self.pool(), &settings);
+        let reconstruction = self.reconstruction.update(
+            &self.surface.grid,
+            roughness.as_ref().ok(),
+            self.config.iterations as usize,
+        );
+        observe(Stage::Reconstruction);
         let survey = self.surface.survey(self.progress.sweep() as u16);
         self.surface.judge(&self.limits);
         observe(Stage::Traversability);
@@ -275,7 +285,8 @@ impl<'m> Mapper<'m> {
             samples: committed.added,
             tiles: refreshed,
             measured: survey.measured,
-            roughness: estimate(&self.pool(), &settings),
+            reconstruction,
+            roughness,
         }
     }
 
@@ -371,6 +382,11 @@ impl<'m> Mapper<'m> {
     /// What is known of a tile; `None` outside the window.
     pub fn tile(&self, tile: Tile) -> Option<&TileGround> {
         self.surface.ground.get(&Tiles::of(self.window()), tile)
+    }
+
+    /// The reconstruction's mean at a cell \[m\]; `None` where none is kept.
+    pub fn mean(&self, cell: Cell) -> Option<f32> {
+        self.reconstruction.mean(self.window(), cell)
     }
 
     /// Cost of a cell and the criterion behind it; unknown outside the window.

@@ -7,6 +7,7 @@
 use crate::ConfigError;
 use crate::tiles::TileGround;
 use crate::traversability::CellCost;
+use rugosa_fractal::pyramid::Posterior;
 use rugosa_fractal::roughness::{Block, StructureFunction, TileSums};
 use rugosa_grid::{Sample, Tiles};
 use rugosa_terrain::{GroundCell, LineTrig, Trig};
@@ -28,6 +29,10 @@ pub struct Memory<'m> {
     pub ground: &'m mut [TileGround],
     /// `side²` costs
     pub costs: &'m mut [CellCost],
+    /// the solver of the reconstruction, [`solver_of`] elements; empty for none
+    pub solver: &'m mut [f32],
+    /// `side²` elements of the reconstruction's mean; empty for none
+    pub mean: &'m mut [f32],
     /// scratch of the structure function
     pub block: &'m mut Block,
     /// sines and cosines by column; their number limits the scanner
@@ -42,6 +47,14 @@ pub struct Memory<'m> {
 pub const fn tiles_of(side: usize) -> usize {
     let per_side = Tiles::per_side(side);
     per_side * per_side
+}
+
+/// Elements of the reconstruction's solver for a map of `side` = 2^k + 1 cells a side.
+pub const fn solver_of(side: usize) -> usize {
+    match Posterior::need(side) {
+        Ok(need) => need,
+        Err(_) => 0,
+    }
 }
 
 /// Is this a side of a map: 2^k + 1, 33 … 1025?
@@ -64,6 +77,19 @@ impl Memory<'_> {
                 self.tiles.len() == StructureFunction::tiles_needed(side),
             ),
             ("ground", self.ground.len() == tiles_of(side)),
+            (
+                "solver",
+                self.solver.is_empty() || self.solver.len() == solver_of(side),
+            ),
+            (
+                "mean",
+                self.mean.len()
+                    == if self.solver.is_empty() {
+                        0
+                    } else {
+                        side * side
+                    },
+            ),
             ("received", self.received.len() == self.lines.len()),
         ];
         match checks.iter().find(|(_, fits)| !fits) {
@@ -86,12 +112,40 @@ pub struct Planes<const CELLS: usize, const TILES: usize> {
     received: [u16; LINES],
 }
 
+/// Memory of a reconstruction in one piece: `CELLS` = side², `SOLVER` = [`solver_of`].
+pub struct Solver<const CELLS: usize, const SOLVER: usize> {
+    solver: [f32; SOLVER],
+    mean: [f32; CELLS],
+}
+
 /// A map of 33 × 33 cells.
 pub type Planes33 = Planes<{ 33 * 33 }, { tiles_of(33) }>;
 /// A map of 65 × 65 cells.
 pub type Planes65 = Planes<{ 65 * 65 }, { tiles_of(65) }>;
 /// A map of 129 × 129 cells.
 pub type Planes129 = Planes<{ 129 * 129 }, { tiles_of(129) }>;
+/// The reconstruction of 33 × 33 cells.
+pub type Solver33 = Solver<{ 33 * 33 }, { solver_of(33) }>;
+/// The reconstruction of 65 × 65 cells.
+pub type Solver65 = Solver<{ 65 * 65 }, { solver_of(65) }>;
+/// The reconstruction of 129 × 129 cells.
+pub type Solver129 = Solver<{ 129 * 129 }, { solver_of(129) }>;
+
+impl<const CELLS: usize, const SOLVER: usize> Default for Solver<CELLS, SOLVER> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<const CELLS: usize, const SOLVER: usize> Solver<CELLS, SOLVER> {
+    /// Empty memory.
+    pub const fn new() -> Self {
+        Solver {
+            solver: [0.0; SOLVER],
+            mean: [0.0; CELLS],
+        }
+    }
+}
 
 impl<const CELLS: usize, const TILES: usize> Default for Planes<CELLS, TILES> {
     fn default() -> Self {
@@ -115,9 +169,23 @@ impl<const CELLS: usize, const TILES: usize> Planes<CELLS, TILES> {
         }
     }
 
-    /// Lends the planes to a mapper.
+    /// Lends the planes to a mapper that keeps a reconstruction.
+    pub fn lend_with<'m, const SOLVER: usize>(
+        &'m mut self,
+        solver: &'m mut Solver<CELLS, SOLVER>,
+    ) -> Memory<'m> {
+        Memory {
+            solver: &mut solver.solver,
+            mean: &mut solver.mean,
+            ..self.lend()
+        }
+    }
+
+    /// Lends the planes to a mapper without a reconstruction.
     pub fn lend(&mut self) -> Memory<'_> {
         Memory {
+            solver: &mut [],
+            mean: &mut [],
             cells: &mut self.cells,
             samples: &mut self.samples,
             tiles: &mut self.tiles,

@@ -24,6 +24,9 @@ pub const ROUGHNESS: u8 = 2;
 /// Group of layers: costs.
 pub const COSTS: u8 = 4;
 
+/// Group of layers: the reconstruction.
+pub const MEANS: u8 = 8;
+
 /// Layers that are sent, by group.
 const SENT: &[(u8, Layer)] = &[
     (CELLS, Layer::Elevation),
@@ -33,6 +36,7 @@ const SENT: &[(u8, Layer)] = &[
     (ROUGHNESS, Layer::Sigma),
     (ROUGHNESS, Layer::DimensionError),
     (COSTS, Layer::Traversability),
+    (MEANS, Layer::Mean),
 ];
 
 /// Number for unknown.
@@ -71,9 +75,10 @@ impl Outbox {
 /// Marks every tile as changed: after a restart of the receiver.
 pub fn refresh(mapper: &mut Mapper) {
     let tiles = Tiles::of(mapper.window());
+    let groups = mapper.surface.ground.groups();
     for tile in tiles.tiles() {
         if let Some(ground) = mapper.surface.ground.get_mut(&tiles, tile) {
-            ground.unsent = CELLS | ROUGHNESS | COSTS;
+            ground.unsent = groups;
         }
     }
 }

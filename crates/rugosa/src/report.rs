@@ -1,5 +1,6 @@
 //! What a sweep did to the map.
 
+use rugosa_fractal::pyramid::Progress;
 use rugosa_fractal::roughness::{Reason, Roughness};
 
 /// The end of one sweep.
@@ -15,6 +16,8 @@ pub struct SweepReport {
     pub tiles: u32,
     /// cells that hold a sample now
     pub measured: u32,
+    /// how far the reconstruction came; `None` where none is kept
+    pub reconstruction: Option<Progress>,
     /// roughness of the whole map, or why there is none
     pub roughness: Result<Roughness, Reason>,
 }
@@ -26,6 +29,8 @@ pub enum Stage {
     Counters,
     /// roughness is refreshed
     Roughness,
+    /// the mean is up to date
+    Reconstruction,
     /// costs are refreshed
     Traversability,
 }

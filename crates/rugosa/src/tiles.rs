@@ -37,20 +37,30 @@ impl TileGround {
 }
 
 /// The roughness of all tiles of a window.
-pub(crate) struct Ground<'m>(&'m mut [TileGround]);
+pub(crate) struct Ground<'m> {
+    tiles: &'m mut [TileGround],
+    /// `outbox::MEANS` where a reconstruction is kept
+    means: u8,
+}
 
 impl<'m> Ground<'m> {
-    pub(crate) fn new(tiles: &'m mut [TileGround]) -> Self {
+    pub(crate) fn new(tiles: &'m mut [TileGround], is_reconstructed: bool) -> Self {
         tiles.fill(TileGround::EMPTY);
-        Ground(tiles)
+        let means = if is_reconstructed { outbox::MEANS } else { 0 };
+        Ground { tiles, means }
+    }
+
+    /// All groups of layers that there are.
+    pub(crate) fn groups(&self) -> u8 {
+        outbox::CELLS | outbox::ROUGHNESS | outbox::COSTS | self.means
     }
 
     pub(crate) fn get(&self, tiles: &Tiles, tile: Tile) -> Option<&TileGround> {
-        tiles.slot(tile).map(|slot| &self.0[slot])
+        tiles.slot(tile).map(|slot| &self.tiles[slot])
     }
 
     pub(crate) fn get_mut(&mut self, tiles: &Tiles, tile: Tile) -> Option<&mut TileGround> {
-        tiles.slot(tile).map(|slot| &mut self.0[slot])
+        tiles.slot(tile).map(|slot| &mut self.tiles[slot])
     }
 
     /// The elevation of a cell changed.
@@ -60,13 +70,17 @@ impl<'m> Ground<'m> {
             && !core::mem::replace(&mut ground.touched, true)
         {
             ground.unsent |= outbox::CELLS;
-            self.each_around(&tiles, tile, |near| near.cost_stale = true);
+            let means = self.means;
+            self.each_around(&tiles, tile, |near| {
+                near.cost_stale = true;
+                near.unsent |= means;
+            });
         }
     }
 
     /// A new sweep begins: no tile has been touched in it.
     pub(crate) fn untouched(&mut self) {
-        for tile in self.0.iter_mut() {
+        for tile in self.tiles.iter_mut() {
             tile.touched = false;
         }
     }
@@ -89,7 +103,7 @@ impl<'m> Ground<'m> {
 
     /// The window has moved: slots have new owners.
     pub(crate) fn all_stale(&mut self) {
-        for tile in self.0.iter_mut() {
+        for tile in self.tiles.iter_mut() {
             tile.stale = true;
             tile.cost_stale = true;
         }

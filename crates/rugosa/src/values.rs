@@ -36,6 +36,11 @@ impl Mapper<'_> {
     fn of_cell(&self, layer: Layer, cell: Cell) -> Option<f32> {
         let grid = self.grid();
         match layer {
+            Layer::Mean => return self.mean(cell),
+            Layer::Inferred => {
+                let inferred = grid.ground(cell).is_none();
+                return self.mean(cell).map(|_| f32::from(u8::from(inferred)));
+            }
             Layer::Traversability => return Some(grid_map(self.cost(cell).cost())),
             Layer::Criterion => return Some(f32::from(self.cost(cell).criterion as u8)),
             Layer::Slope | Layer::Step | Layer::HiddenStep => {

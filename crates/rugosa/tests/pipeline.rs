@@ -1,7 +1,7 @@
 //! The pipeline from messages to layers, on ground whose answer is known.
 
 use rugosa::traversability::{Criterion, Footprint, Limits, Pair};
-use rugosa::{Config, Layer, Mapper, Planes33, Planes65, SweepReport};
+use rugosa::{Config, Layer, Mapper, Planes33, Planes65, Solver65, SweepReport};
 use rugosa_fractal::roughness::{Block, Pool, StructureFunction, TileSums};
 use rugosa_grid::{Cell, Tile};
 use rugosa_wire::*;
@@ -416,5 +416,42 @@ fn a_wall_is_impassable_and_the_unseen_is_never_free() {
         for (value, cell) in plane.iter().zip(mapper.window().cells()) {
             assert_eq!(value.to_bits(), mapper.value(layer, cell).to_bits());
         }
+    }
+}
+
+#[test]
+fn the_reconstruction_follows_the_map() {
+    let mut planes = Box::new(Planes65::new());
+    let mut solver = Box::new(Solver65::new());
+    let config = Config {
+        iterations: 20.0,
+        ..Config::default()
+    };
+    let memory = planes.lend_with(&mut solver);
+    let mut mapper = Mapper::new(config, memory).unwrap();
+    mapper.describe(&scanner());
+    for (number, at) in [[0.0, 0.0], [0.4, 0.1], [1.7, -0.6], [1.8, -0.5]]
+        .iter()
+        .enumerate()
+    {
+        let report = sweep(&mut mapper, number as u32 + 1, *at, &ground);
+        assert!(report.reconstruction.unwrap().residual < 0.05, "{report:?}");
+        let (mut inferred, mut square) = (0, 0.0);
+        for cell in mapper.window().cells() {
+            let mean = mapper.value(Layer::Mean, cell);
+            assert!(mean.is_finite());
+            let (x, y) = mapper.lattice().centre(cell);
+            square += (mean - ground(f64::from(x), f64::from(y)) as f32).powi(2);
+            inferred += (mapper.value(Layer::Inferred, cell) == 1.0) as u32;
+            assert_eq!(
+                mapper.value(Layer::Inferred, cell) == 0.0,
+                mapper.grid().ground(cell).is_some()
+            );
+        }
+        let rms = (square / 4225.0).sqrt();
+        assert!(
+            rms < 0.06 && inferred > 100,
+            "rms {rms} m, {inferred} inferred"
+        );
     }
 }

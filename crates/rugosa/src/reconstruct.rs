@@ -1,0 +1,106 @@
+//! The reconstruction that a mapper keeps up to date: the posterior mean everywhere.
+//!
+//! After each sweep the fused elevations of the measured cells are the data, the
+//! roughness of the whole map is the prior, and a few iterations continue from the last
+//! solution. When the window has moved the solution is shifted along first; what the
+//! shift gets wrong the iterations repair, since the residual is worked out anew.
+//!
+//! The elevation layer stays what was measured; the mean is a layer of its own.
+
+use rugosa_fractal::pyramid::{Datum, Levels, Posterior, Progress};
+use rugosa_fractal::roughness::Roughness;
+use rugosa_grid::{Cell, Window, math};
+use rugosa_terrain::ElevationGrid;
+
+/// Roughness of ground of which nothing is known: half a cell's relief at one cell.
+const UNKNOWN_HURST: f32 = 0.5;
+const UNKNOWN_SIGMA: f32 = 0.25;
+
+/// Solver and mean, in lent memory; both empty where no reconstruction is kept.
+pub(crate) struct Reconstruction<'m> {
+    posterior: Option<Posterior<'m>>,
+    mean: &'m mut [f32],
+    /// lowest cell of the window that the solution belongs to
+    origin: Option<Cell>,
+}
+
+impl<'m> Reconstruction<'m> {
+    /// Without a reconstruction where either memory is too small.
+    pub(crate) fn new(side: usize, solver: &'m mut [f32], mean: &'m mut [f32]) -> Self {
+        let posterior = Posterior::new(side, solver).ok();
+        Reconstruction {
+            posterior: posterior.filter(|_| mean.len() == side * side),
+            mean,
+            origin: None,
+        }
+    }
+
+    /// Brings the mean up to date with at most `iterations`; `None` where nothing is kept
+    /// or nothing measured.
+    pub(crate) fn update(
+        &mut self,
+        grid: &ElevationGrid,
+        roughness: Option<&Roughness>,
+        iterations: usize,
+    ) -> Option<Progress> {
+        let posterior = self.posterior.as_mut()?;
+        if iterations == 0 {
+            return None;
+        }
+        let window = *grid.window();
+        let prior = prior(grid, roughness)?;
+        if let Some(old) = self.origin.filter(|&old| old != window.origin()) {
+            shift(posterior, old, window.origin());
+        }
+        let data = |i| datum(grid, &window, i);
+        if posterior.observe(&prior, data).used == 0 {
+            posterior.restart();
+            self.origin = None;
+            return None;
+        }
+        let progress = posterior.step(iterations);
+        posterior.mean(&prior, data, self.mean);
+        self.origin = Some(window.origin());
+        Some(progress)
+    }
+
+    /// The mean at a cell \[m\]; `None` where there is none.
+    pub(crate) fn mean(&self, window: &Window, cell: Cell) -> Option<f32> {
+        let origin = self.origin?;
+        let (x, y) = (cell.x - origin.x, cell.y - origin.y);
+        let side = window.side() as i32;
+        let inside = (0..side).contains(&x) && (0..side).contains(&y) && window.contains(cell);
+        inside.then(|| self.mean[(y * side + x) as usize])
+    }
+}
+
+/// What is measured in cell `i` of the window, row by row.
+fn datum(grid: &ElevationGrid, window: &Window, i: usize) -> Option<Datum> {
+    let side = window.side();
+    let cell = window.origin().offset((i % side) as i32, (i / side) as i32);
+    grid.ground(cell).map(|ground| Datum {
+        height: ground.elevation,
+        variance: ground.variance,
+    })
+}
+
+/// The prior of ground of this roughness, or of ground of which nothing is known.
+pub fn prior(grid: &ElevationGrid, roughness: Option<&Roughness>) -> Option<Levels> {
+    let (side, resolution) = (grid.window().side(), grid.lattice().resolution());
+    let known = roughness.map(|r| {
+        let hurst = r.hurst.clamp(0.05, 0.95);
+        (hurst, r.sigma * math::powf(resolution, hurst))
+    });
+    let (hurst, sigma) = known.unwrap_or((UNKNOWN_HURST, UNKNOWN_SIGMA * resolution));
+    Levels::power_law(side, hurst, sigma).ok()
+}
+
+fn shift(posterior: &mut Posterior, old: Cell, new: Cell) {
+    let side = posterior.side() as i32;
+    let (x, y) = (new.x.wrapping_sub(old.x), new.y.wrapping_sub(old.y));
+    if x.abs().max(y.abs()) < side {
+        posterior.shift(x, y);
+    } else {
+        posterior.restart();
+    }
+}
