@@ -213,38 +213,48 @@ impl ElevationGrid<'_> {
     /// Fuses a return into its cell and keeps it as the sample if it is the better one.
     #[inline]
     fn settle(&mut self, placed: &Placed, depression: impl FnOnce() -> u8, sweep: u16) -> Fused {
+        let (slot, height) = match self.admit(placed) {
+            Ok(admitted) => admitted,
+            Err(refused) => return refused,
+        };
+        let (cell, old) = (placed.cell, self.samples[slot]);
+        let met = self.cells[slot].take(&self.gate, height, sweep);
+        if met == Met::Gated {
+            return Fused::Gated;
+        }
+        self.raise_ceiling(slot);
+        if met == Met::Merged && !self.better(&old, height.steps, placed.part) {
+            return Fused::Merged;
+        }
+        self.samples[slot] = self.sample_of(placed, height.steps, depression());
+        match met {
+            Met::Restarted => Fused::Restarted { cell, old },
+            _ => Fused::Sampled { cell, old },
+        }
+    }
+
+    /// Where a return goes and its height, or why it goes nowhere.
+    #[inline]
+    fn admit(&self, placed: &Placed) -> Result<(usize, Height), Fused> {
         // neither negative nor infinite nor NaN
         if placed.variance.to_bits() >= f32::INFINITY.to_bits() {
-            return Fused::Invalid;
+            return Err(Fused::Invalid);
         }
-        let Some(slot) = self.window.slot(placed.cell) else {
-            return Fused::Outside;
-        };
-        let Ok(steps) = i16::try_from(placed.steps) else {
-            return Fused::HeightOutOfRange;
-        };
+        let slot = self.window.slot(placed.cell).ok_or(Fused::Outside)?;
+        let steps = i16::try_from(placed.steps).map_err(|_| Fused::HeightOutOfRange)?;
         let height = Height {
             metres: placed.metres,
             steps,
             variance: placed.variance,
         };
-        let ground = &mut self.cells[slot];
-        let met = ground.take(&self.gate, height, sweep);
-        if met == Met::Gated {
-            return Fused::Gated;
-        }
-        if ground.elevation > self.ceiling {
-            self.ceiling = ground.elevation;
-        }
-        let old = self.samples[slot];
-        if met == Met::Merged && !self.better(&old, steps, placed.part) {
-            return Fused::Merged;
-        }
-        self.samples[slot] = self.sample_of(placed, steps, depression());
-        let cell = placed.cell;
-        match met {
-            Met::Restarted => Fused::Restarted { cell, old },
-            _ => Fused::Sampled { cell, old },
+        Ok((slot, height))
+    }
+
+    #[inline]
+    fn raise_ceiling(&mut self, slot: usize) {
+        let elevation = self.cells[slot].elevation;
+        if elevation > self.ceiling {
+            self.ceiling = elevation;
         }
     }
 
