@@ -32,7 +32,8 @@ pub struct Sample {
     pub east: i8,
     /// offset from the cell's centre to the north, in 1/64 cell, −32 … 32
     pub north: i8,
-    /// depression of the beam that made it, 0 = level, 255 = straight down
+    /// sine of the depression of the beam that made it, times 255: 0 = level or upward,
+    /// 255 = straight down
     pub depression: u8,
     flags: u8,
 }

@@ -240,7 +240,7 @@ impl Pair<'_> {
         let point = Point {
             position: [coordinate(0), coordinate(1), f64::from(steps) * STEP].map(|c| c as f32),
             variance,
-            depression: 77,
+            depression: 0.303,
         };
         let before = self.grid.sample(Cell::new(cell[0], cell[1]));
         let fused = self.grid.fuse(&point, self.sweep);
@@ -270,7 +270,7 @@ impl Pair<'_> {
         let point = Point {
             position: [numbers[0], numbers[1], numbers[2]],
             variance: numbers[3],
-            depression: 0,
+            depression: 0.0,
         };
         assert_eq!(self.grid.fuse(&point, self.sweep), Fused::Invalid);
     }

@@ -30,7 +30,7 @@ fn at(x: f32, y: f32, z: f32) -> Point {
     Point {
         position: [x, y, z],
         variance: 1e-4,
-        depression: 100,
+        depression: 0.4,
     }
 }
 
@@ -220,7 +220,7 @@ proptest! {
             let fused = single.fuse(&Point {
                 position: [map.x as f32, map.y as f32, map.z as f32],
                 variance: noise.elevation_variance(up as f32, exact.norm() as f32),
-                depression: (-255.0 * up) as u8,
+                depression: -up as f32,
             }, 9);
             if let Fused::Sampled { old, .. } | Fused::Restarted { old, .. } = fused {
                 replaced += u32::from(old.is_measured());

@@ -34,7 +34,7 @@ impl Ray {
         Point {
             position: self.point(),
             variance: noise.elevation_variance(up, self.length),
-            depression: (-255.0 * up) as u8,
+            depression: -up,
         }
     }
 }
@@ -209,18 +209,18 @@ mod tests {
     }
 
     #[test]
-    fn a_beam_straight_down_has_depression_255() {
-        let (mut columns, mut lines) = ([Trig::default(); 1], [LineTrig::default(); 3]);
+    fn depression_is_positive_downward() {
+        let (mut columns, mut lines) = ([Trig::default(); 1], [LineTrig::default(); 2]);
         let raster = Raster {
             azimuth: [0.0, 0.0],
-            inclination: [-core::f32::consts::FRAC_PI_2, core::f32::consts::FRAC_PI_4],
+            inclination: [-core::f32::consts::FRAC_PI_2, core::f32::consts::PI],
         };
         let beams = Beams::new(Geometry::Spherical, raster, &mut columns, &mut lines);
         let noise = Noise::new(0.01, 0.0, 0.001);
-        let depression = |line| {
+        for (line, expected) in [(0, 1.0), (1, -1.0)] {
             let rays = beams.rays(line, &Isometry3::identity()).unwrap();
-            rays.ray(0, 2.0).unwrap().measured(&noise).depression
-        };
-        assert_eq!((depression(0), depression(1), depression(2)), (255, 180, 0));
+            let depression = rays.ray(0, 2.0).unwrap().measured(&noise).depression;
+            assert!((depression - expected).abs() < 1e-6);
+        }
     }
 }

@@ -31,8 +31,8 @@ pub struct Point {
     pub position: [f32; 3],
     /// variance of z \[m²\], not negative
     pub variance: f32,
-    /// sine of the beam's depression times 255: 0 level (or upward), 255 straight down
-    pub depression: u8,
+    /// sine of the beam's depression: 1 straight down, 0 level, negative upward
+    pub depression: f32,
 }
 
 /// What became of a return.
@@ -176,7 +176,7 @@ impl ElevationGrid<'_> {
     #[inline]
     pub fn fuse(&mut self, point: &Point, sweep: u16) -> Fused {
         let placed = self.scale().place(point.position, point.variance);
-        self.settle(&placed, || point.depression, sweep)
+        self.settle(&placed, || (255.0 * point.depression) as u8, sweep)
     }
 
     /// Fuses points \[m\] of the sensor frame; `replaced(window, samples, cell, old)` is
