@@ -95,7 +95,7 @@ impl Settings {
 }
 
 /// The shortest decimal that stands for `value`: 0.1, not 0.10000000149.
-fn decimal(value: f32) -> f64 {
+pub fn decimal(value: f32) -> f64 {
     value.to_string().parse().unwrap_or(f64::from(value))
 }
 

@@ -2,6 +2,7 @@
 
 use crate::error::{Failure, Result};
 use crate::io::Raster;
+use std::ops::Range;
 
 /// One named quantity.
 #[derive(Clone, Debug, PartialEq)]
@@ -80,11 +81,45 @@ impl Layers {
         )
     }
 
+    /// A rectangle of cells.
+    pub fn part(&self, rows: Range<usize>, columns: Range<usize>) -> Self {
+        let offset = [columns.start, rows.start].map(|i| i as f64 * self.resolution);
+        let cut = |layer: &Layer| {
+            let row = |i: usize| &layer.values[i * self.columns..][columns.clone()];
+            Layer {
+                values: rows.clone().flat_map(row).copied().collect(),
+                ..layer.clone()
+            }
+        };
+        Layers {
+            rows: rows.len(),
+            columns: columns.len(),
+            resolution: self.resolution,
+            corner: [self.corner[0] + offset[0], self.corner[1] + offset[1]],
+            layers: self.layers.iter().map(cut).collect(),
+        }
+    }
+
     /// Extent along x and y \[m\].
     pub fn extent(&self) -> [f64; 2] {
         [
             self.columns as f64 * self.resolution,
             self.rows as f64 * self.resolution,
         ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_part_keeps_its_place() {
+        let values = (0..12).map(|v| v as f32).collect();
+        let map = Layers::of_raster(&Raster::square(3, 4, 0.5, [10.25, 20.25], values)).unwrap();
+        let part = map.part(1..3, 2..4);
+        assert_eq!(part.layers[0].values, [6.0, 7.0, 10.0, 11.0]);
+        assert_eq!(part.corner, [11.0, 20.5]);
+        assert_eq!(part.extent(), [1.0, 1.0]);
     }
 }

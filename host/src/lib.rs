@@ -4,6 +4,7 @@
 //! Everything a command does can be called from here; the command line ([`cli`]) only
 //! parses, prints and turns a [`error::Failure`] into an exit code.
 
+pub mod bridge;
 pub mod cli;
 pub mod commands;
 pub mod config;
@@ -14,5 +15,7 @@ pub mod export;
 pub mod io;
 pub mod layers;
 pub mod link;
+pub mod offline;
 pub mod planes;
 pub mod recording;
+pub mod windows;

@@ -107,3 +107,73 @@ fn usage_errors_have_the_same_exit_code() {
         );
     }
 }
+
+#[test]
+fn recordings_and_ports_that_are_none() {
+    refused(
+        &[],
+        &["replay", "missing.mcap"],
+        "missing.mcap: No such file",
+    );
+    refused(
+        &[("a.mcap", b"not a recording")],
+        &["replay", "a.mcap"],
+        "a.mcap: not an MCAP file",
+    );
+    refused(&[], &["scan", "--port", "nowhere"], "nowhere: no such port");
+    refused(
+        &[],
+        &["scan", "--port", "nowhere", "--baud", "7"],
+        "baud rate 7",
+    );
+    refused(&[], &["demo", "--dimension", "3.5"], "dimension is 3.5");
+    refused(&[], &["demo", "--out", "a.gif"], "unknown file type");
+    refused(
+        &[("a.toml", b"side = 7")],
+        &["demo", "--config", "a.toml"],
+        "a.toml:1: side = 7",
+    );
+    refused(
+        &[],
+        &["simulate", "--port", "nowhere", "--speed=-1"],
+        "--speed -1",
+    );
+}
+
+#[test]
+fn dimensions_of_nothing() {
+    refused(
+        &[("a.csv", b"1,2,3\n")],
+        &["dimension", "a.csv", "--min-lag", "3", "--max-lag", "2"],
+        "--max-lag 2",
+    );
+    refused(
+        &[("a.csv", b"1,2,3\n")],
+        &["dimension", "a.csv", "--out", "a.npy"],
+        "unknown file type",
+    );
+    refused(
+        &[("a.csv", b"x,y,z\n1,2,e\n")],
+        &["dimension", "a.csv"],
+        "a.csv:2: field z",
+    );
+}
+
+#[test]
+fn maps_of_nothing() {
+    refused(
+        &[("a.csv", b"1,2,3\n")],
+        &["map", "a.csv", "--out", "a.csv"],
+        "is a file",
+    );
+    refused(
+        &[("a.csv", b"0,0,0\n9999,9999,1\n")],
+        &["map", "a.csv", "--out", "m", "--resolution", "1"],
+        "greater --resolution",
+    );
+    refused(
+        &[("a.csv", b"nan,0,0\n")],
+        &["map", "a.csv", "--out", "m"],
+        "not finite",
+    );
+}

@@ -101,3 +101,119 @@ fn doctor_tells_versions() {
     assert_eq!(report["version"], env!("CARGO_PKG_VERSION"));
     assert_eq!(report["tools"].as_array().unwrap().len(), 4);
 }
+
+#[test]
+fn dimension_of_an_exact_surface_and_of_a_plane() {
+    let directory = tempfile::tempdir().unwrap();
+    let side = 129;
+    let surface = rugosa_fractal::synthesis::exact_fbm(side, 0.5, 7);
+    let path = directory.path().join("a.npy");
+    rugosa_host::io::npy::write(&path, side, side, &surface).unwrap();
+    let plot = directory.path().join("a.png");
+    let arguments = [
+        "dimension",
+        path.to_str().unwrap(),
+        "--spacing",
+        "1",
+        "--noise-std",
+        "0",
+        "--json",
+        "--out",
+        plot.to_str().unwrap(),
+    ];
+    let report = json(&arguments);
+    let dimension = report["dimension"].as_f64().unwrap();
+    assert!((dimension - 2.5).abs() < 0.08, "D = {dimension}");
+    assert_eq!(report["fractal"], true);
+    for key in [
+        "hurst",
+        "sigma",
+        "standard_error",
+        "noise_std",
+        "residual",
+        "pairs",
+        "reason",
+        "points",
+    ] {
+        assert!(report.get(key).is_some(), "{key}");
+    }
+    assert!(report["scaling_range_m"][1].as_f64() > report["scaling_range_m"][0].as_f64());
+    assert!(report["seconds"]["estimate"].as_f64().unwrap() > 0.0);
+    let bin = &report["bins"][0];
+    assert!(
+        ["lag_m", "mean_abs_dz", "rms_dz", "pairs"]
+            .iter()
+            .all(|key| bin[key].is_number())
+    );
+    assert!(plot.is_file());
+
+    let points = directory.path().join("plane.xyz");
+    let text: String = (0..400)
+        .map(|i| format!("{} {} 1\n", i % 20, i / 20))
+        .collect();
+    fs::write(&points, text).unwrap();
+    let report = json(&["dimension", points.to_str().unwrap(), "--json"]);
+    assert_eq!(
+        (&report["fractal"], &report["dimension"]),
+        (&false.into(), &Value::Null)
+    );
+    assert!(report["reason"].is_string());
+}
+
+/// An asymmetric pattern far from the origin: every format must show it the same way.
+#[test]
+fn a_raster_becomes_a_map_in_every_format() {
+    let directory = tempfile::tempdir().unwrap();
+    let dem = directory.path().join("dem.asc");
+    let mut text = String::from(
+        "ncols 40\nnrows 30\nxllcorner 1000\nyllcorner 2000\ncellsize 0.5\nNODATA_value -9999\n",
+    );
+    for row in (0..30).rev() {
+        let value = |column: usize| {
+            if row < 3 && column > 36 {
+                -9999.0
+            } else {
+                0.02 * column as f64 + 0.002 * (row * row) as f64
+            }
+        };
+        let words: Vec<String> = (0..40).map(|column| value(column).to_string()).collect();
+        text += &(words.join(" ") + "\n");
+    }
+    fs::write(&dem, text).unwrap();
+    let out = directory.path().join("map");
+    let report = json(&[
+        "map",
+        dem.to_str().unwrap(),
+        "--out",
+        out.to_str().unwrap(),
+        "--export",
+        "npy,asc,png,ply,geotiff,mcap,nav2",
+        "--json",
+    ]);
+    assert_eq!(
+        (&report["cells_x"], &report["cells_y"], &report["points"]),
+        (&40.into(), &30.into(), &1191.into())
+    );
+    for file in report["files"].as_array().unwrap() {
+        assert!(
+            fs::metadata(file.as_str().unwrap()).unwrap().len() > 0,
+            "{file}"
+        );
+    }
+    let before = rugosa_host::io::read_raster(&dem, None).unwrap();
+    let after = rugosa_host::io::read_raster(&out.join("elevation.asc"), None).unwrap();
+    assert_eq!(
+        (after.origin, after.rows, after.columns),
+        (before.origin, 30, 40)
+    );
+    for (a, b) in before.values.iter().zip(&after.values) {
+        assert!(
+            (a - b).abs() < 0.01 || a.is_nan() && b.is_nan(),
+            "{a} became {b}"
+        );
+    }
+    let pgm = fs::read(out.join("map.pgm")).unwrap();
+    assert!(pgm.starts_with(b"P5\n40 30\n255\n"));
+    assert_eq!(pgm.last(), Some(&255), "the hole is at the lower right");
+    assert_ne!(pgm[13], 255, "the upper left is known");
+}

@@ -7,9 +7,20 @@
 
 pub mod completions;
 pub mod config;
+pub mod demo;
+pub mod dimension;
 pub mod doctor;
 pub mod info;
 pub mod man;
+pub mod map;
+pub mod record;
+pub mod replay;
+pub mod roughness;
+pub mod scan;
+pub mod send;
+pub mod session;
+pub mod simulate;
+pub mod simulation;
 
 use crate::console::Console;
 use crate::error::Result;
@@ -17,7 +28,24 @@ use clap::Subcommand;
 
 /// What to do.
 #[derive(Debug, Subcommand)]
+#[allow(clippy::large_enum_variant)]
 pub enum Command {
+    /// Run everything on this machine: scanner, cable, bridge, maps
+    Demo(demo::Args),
+    /// Map what a scanner on a serial port sends
+    Scan(scan::Args),
+    /// Record what a scanner on a serial port sends
+    Record(record::Args),
+    /// Map a recording, or play it into a serial port
+    Replay(replay::Args),
+    /// Play a simulated scanner into a serial port
+    Simulate(simulate::Args),
+    /// Make a map of files of points or of rasters
+    Map(map::Args),
+    /// Estimate the fractal dimension of points or of a raster
+    Dimension(dimension::Args),
+    /// Local roughness of a raster in moving windows
+    Roughness(roughness::Args),
     /// Say what a file holds
     Info(info::Args),
     /// Print or check the configuration
@@ -33,6 +61,14 @@ pub enum Command {
 /// Runs a command.
 pub fn run(command: &Command, console: &Console) -> Result<()> {
     match command {
+        Command::Demo(args) => demo::run(args, console),
+        Command::Scan(args) => scan::run(args, console),
+        Command::Record(args) => record::run(args, console),
+        Command::Replay(args) => replay::run(args, console),
+        Command::Simulate(args) => simulate::run(args, console),
+        Command::Map(args) => map::run(args, console),
+        Command::Dimension(args) => dimension::run(args, console),
+        Command::Roughness(args) => roughness::run(args, console),
         Command::Info(args) => info::run(args, console),
         Command::Config(args) => config::run(args, console),
         Command::Doctor(args) => doctor::run(args, console),

@@ -136,7 +136,7 @@ fn tick_step(low: f64, high: f64, most: usize) -> f64 {
 }
 
 /// The least of 1, 2, 5 · 10ᵏ that is not below `x`.
-fn round_up(x: f64) -> f64 {
+pub(crate) fn round_up(x: f64) -> f64 {
     let decade = 10f64.powf(x.log10().floor());
     [1.0, 2.0, 5.0]
         .into_iter()

@@ -25,9 +25,9 @@ pub enum Format {
     Png,
     /// the elevation as a triangle mesh
     Ply,
-    /// map.yaml + map.pgm for the map server of nav2 (needs a cost layer)
+    /// map.yaml + map.pgm for the map server of nav2 of nav2, graded costs
     Nav2,
-    /// ROS 2 bag with grid_map_msgs/msg/GridMap
+    /// ROS 2 bag with grid_map_msgs/msg/GridMap and nav_msgs/msg/OccupancyGrid
     Mcap,
 }
 

@@ -12,15 +12,16 @@ use std::path::{Path, PathBuf};
 /// What unknown cells are written as.
 pub const UNKNOWN: u8 = 255;
 
-/// Writes the layer `cost` (0 … 1, NaN unknown).
+/// Writes the layer `traversability` (1 good … 0 impassable, NaN unknown) as cost.
 pub fn write(directory: &Path, layers: &Layers) -> Result<Vec<PathBuf>> {
-    let cost = layers.get("cost");
-    let cost = cost.ok_or_else(|| Failure::input("nav2: the map has no layer 'cost'"))?;
+    let layer = layers.get("traversability");
+    let layer =
+        layer.ok_or_else(|| Failure::input("nav2: the map has no layer 'traversability'"))?;
     let image = directory.join("map.pgm");
     let yaml = directory.join("map.yaml");
     let mut pgm = format!("P5\n{} {}\n255\n", layers.columns, layers.rows).into_bytes();
-    let rows = cost.values.chunks(layers.columns).rev();
-    pgm.extend(rows.flatten().map(|&v| pixel(v)));
+    let rows = layer.values.chunks(layers.columns).rev();
+    pgm.extend(rows.flatten().map(|&v| pixel(1.0 - v)));
     atomic::write(&image, |writer| writer.write_all(&pgm))?;
     atomic::write(&yaml, |writer| {
         writer.write_all(description(layers).as_bytes())
@@ -57,7 +58,11 @@ mod tests {
             corner: [-1.0, 2.0],
             layers: Vec::new(),
         };
-        layers.add("cost", "", vec![0.0, 0.25, f32::NAN, 1.0, 0.5, 2.0]);
+        layers.add(
+            "traversability",
+            "",
+            vec![1.0, 0.75, f32::NAN, 0.0, 0.5, -1.0],
+        );
         let directory = tempfile::tempdir().unwrap();
         write(directory.path(), &layers).unwrap();
         let pgm = std::fs::read(directory.path().join("map.pgm")).unwrap();

@@ -1,0 +1,203 @@
+//! Files of a map: layers, pictures, the log–log plot and `summary.json`.
+
+use super::summary::{Summary, Truth};
+use crate::config::decimal;
+use crate::draw::loglog::PowerLaw;
+use crate::draw::{self, StructurePlot};
+use crate::error::Result;
+use crate::export::picture::panel;
+use crate::io::atomic;
+use crate::io::output::{Output, write_raster};
+use crate::layers::Layers;
+use rugosa::{LAYERS, Mapper};
+use rugosa_fractal::roughness::Moment;
+use std::path::{Path, PathBuf};
+
+/// Layers that are drawn, in the order of the panels.
+const DRAWN: [&str; 6] = [
+    "elevation",
+    "dimension",
+    "sigma",
+    "traversability",
+    "mean",
+    "standard_deviation",
+];
+/// Layers that stand side by side in `maps.png`.
+const SIDE_BY_SIDE: usize = 3;
+
+/// Cells around the known part of a map in a picture.
+const MARGIN: usize = 8;
+
+/// Where the results of a run go.
+pub struct Outputs(Output);
+
+impl Outputs {
+    /// A directory, or a file whose extension picks what is written: `.json` the
+    /// summary, `.npy` or `.asc` the elevation, `.png` the maps.
+    pub fn new(path: &Path) -> Result<Self> {
+        let output = Output::of(path);
+        output.check(&["json", "npy", "asc", "png"])?;
+        Ok(Outputs(output))
+    }
+
+    /// Writes them and returns the files.
+    pub fn save(&self, mapper: &Mapper, summary: &Summary) -> Result<Vec<PathBuf>> {
+        let layers = layers_of(mapper);
+        match &self.0 {
+            Output::Directory(directory) => all(directory, mapper, &layers, summary),
+            Output::File(path) => one(path, &layers, summary),
+        }
+    }
+}
+
+fn one(path: &Path, layers: &Layers, summary: &Summary) -> Result<Vec<PathBuf>> {
+    match crate::io::extension(path).as_str() {
+        "json" => save_json(path, summary)?,
+        "png" => draw_maps(layers)?.save(path)?,
+        _ => {
+            let elevation = layers.get("elevation").expect("every map has elevations");
+            write_raster(path, &layers.raster(elevation))?;
+        }
+    }
+    Ok(vec![path.to_owned()])
+}
+
+fn all(
+    directory: &Path,
+    mapper: &Mapper,
+    layers: &Layers,
+    summary: &Summary,
+) -> Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    let known = known_part(layers);
+    for layer in &layers.layers {
+        let path = directory.join(format!("{}.npy", layer.name));
+        write_raster(&path, &layers.raster(layer))?;
+        files.push(path);
+    }
+    for layer in known
+        .layers
+        .iter()
+        .filter(|l| DRAWN.contains(&l.name.as_str()))
+    {
+        let path = directory.join(format!("{}.png", layer.name));
+        crate::export::picture::write(&path, layer, &known.raster(layer))?;
+        files.push(path);
+    }
+    let mut put = |name: &str| {
+        let path = directory.join(name);
+        files.push(path.clone());
+        path
+    };
+    draw_maps(layers)?.save(&put("maps.png"))?;
+    structure_plot(mapper, summary)
+        .draw()?
+        .save(&put("structure_function.png"))?;
+    save_json(&put("summary.json"), summary)?;
+    Ok(files)
+}
+
+fn save_json(path: &Path, summary: &Summary) -> Result<()> {
+    atomic::write(path, |writer| {
+        serde_json::to_writer_pretty(&mut *writer, summary)?;
+        writeln!(writer)
+    })
+}
+
+fn draw_maps(layers: &Layers) -> Result<draw::Picture> {
+    let layers = &known_part(layers);
+    let drawn: Vec<_> = DRAWN[..SIDE_BY_SIDE]
+        .iter()
+        .filter_map(|name| layers.get(name))
+        .collect();
+    let rasters: Vec<_> = drawn.iter().map(|layer| layers.raster(layer)).collect();
+    let panels: Vec<_> = drawn
+        .iter()
+        .zip(&rasters)
+        .map(|(layer, raster)| panel(layer, raster))
+        .collect();
+    draw::maps(&panels)
+}
+
+/// The part of the map where something is known, and one tile around it.
+fn known_part(layers: &Layers) -> Layers {
+    let known = layers.get("elevation").map_or(&[][..], |l| &l.values);
+    let at = |i: usize| (i / layers.columns, i % layers.columns);
+    let cells = (0..known.len()).filter(|&i| known[i].is_finite()).map(at);
+    let bounds = cells.fold(
+        None,
+        |bounds: Option<[usize; 4]>, (row, column)| match bounds {
+            None => Some([row, row, column, column]),
+            Some([a, b, c, d]) => Some([row.min(a), row.max(b), column.min(c), column.max(d)]),
+        },
+    );
+    let Some([bottom, top, left, right]) = bounds else {
+        return layers.clone();
+    };
+    let rows = bottom.saturating_sub(MARGIN)..(top + MARGIN + 1).min(layers.rows);
+    let columns = left.saturating_sub(MARGIN)..(right + MARGIN + 1).min(layers.columns);
+    layers.part(rows, columns)
+}
+
+/// All layers of the map that hold anything.
+pub fn layers_of(mapper: &Mapper) -> Layers {
+    let window = mapper.window();
+    let resolution = decimal(mapper.config().resolution);
+    let origin = window.origin();
+    let mut layers = Layers {
+        rows: window.side(),
+        columns: window.side(),
+        resolution,
+        corner: [
+            f64::from(origin.x) * resolution,
+            f64::from(origin.y) * resolution,
+        ],
+        layers: Vec::new(),
+    };
+    for d in LAYERS {
+        let values: Vec<f32> = window
+            .cells()
+            .map(|cell| mapper.value(d.layer, cell))
+            .collect();
+        if d.name == "elevation" || values.iter().any(|v| v.is_finite()) {
+            layers.add(d.name, d.unit, values);
+        }
+    }
+    layers
+}
+
+/// The structure function of the whole map.
+pub fn structure_plot(mapper: &Mapper, summary: &Summary) -> StructurePlot {
+    let config = mapper.config();
+    let moments = mapper
+        .pool()
+        .moments(config.resolution, config.height_step());
+    let detrended = summary.estimate.is_some_and(|e| e.detrended);
+    let trend = |m: &Moment| if detrended { m.trend } else { 0.0 };
+    let used = || {
+        moments
+            .iter()
+            .filter(|m| m.pairs as f32 >= config.min_pairs)
+    };
+    let point = |d: f32, square: f32| (f64::from(d), f64::from(square.max(0.0)).sqrt());
+    let truth = |t: Truth| PowerLaw {
+        hurst: 3.0 - t.dimension,
+        sigma: t.sigma,
+    };
+    StructurePlot {
+        title: "Structure function of the map".into(),
+        measured: used().map(|m| point(m.distance, m.mean_square)).collect(),
+        corrected: used()
+            .map(|m| point(m.distance, m.mean_square - m.noise - trend(m)))
+            .filter(|p| p.1 > 0.0)
+            .collect(),
+        fit: summary.estimate.map(|e| PowerLaw {
+            hurst: e.hurst.into(),
+            sigma: e.sigma.into(),
+        }),
+        scaling_range: summary
+            .estimate
+            .map(|e| e.scaling_range_m.map(f64::from).into()),
+        truth: summary.truth.map(truth),
+    }
+}
