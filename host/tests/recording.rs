@@ -232,20 +232,14 @@ fn a_recording_is_never_overwritten() {
     assert_eq!(fs::read(&path).unwrap(), before);
 }
 
-/// `/dev/full` is a disk without space.
-#[cfg(target_os = "linux")]
 #[test]
-fn a_full_disk_is_one_clear_error() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("full.mcap");
-    std::os::unix::fs::symlink("/dev/full", &path).unwrap();
-    let failure = Recorder::create(Path::new("/no/such/folder/x.mcap"))
-        .err()
-        .unwrap();
+fn a_folder_that_does_not_exist_is_one_clear_error() {
+    let failure = Recorder::create(Path::new("/no/such/folder/x.mcap"));
+    let failure = failure.err().unwrap();
     assert_eq!(failure.kind, Kind::Runtime);
     assert!(
         failure
             .message
-            .contains("cannot write /no/such/folder/x.mcap")
+            .starts_with("cannot write /no/such/folder/x.mcap")
     );
 }

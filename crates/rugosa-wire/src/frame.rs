@@ -227,7 +227,7 @@ impl Decoder {
     /// `None`: all bytes are taken and more are needed. `Some(Err(..))`: a broken frame
     /// was thrown away; call again. Empty frames (two delimiters in a row) are skipped.
     pub fn pull(&mut self, bytes: &mut &[u8]) -> Option<Result<Frame, Broken>> {
-        while let Some(end) = bytes.iter().position(|&byte| byte == 0) {
+        while let Some(end) = memchr::memchr(0, bytes) {
             let (body, rest) = bytes.split_at(end);
             self.keep(body);
             self.counts.bytes = self.counts.bytes.wrapping_add(end as u32 + 1);
@@ -265,6 +265,7 @@ impl Decoder {
     }
 
     /// A delimiter: what is in the buffer is a frame, or nothing.
+    #[inline]
     fn close(&mut self) -> Option<Result<Frame, Broken>> {
         let (length, over_long) = (self.length, self.discarding);
         self.restart();
@@ -276,6 +277,7 @@ impl Decoder {
 }
 
 /// Undoes the stuffing in place, checks, parses.
+#[inline]
 fn open(stuffed: &mut [u8]) -> Result<Frame, Broken> {
     let length = cobs::decode_in_place(stuffed).map_err(|_| Broken::Cobs)?;
     let (body, check) = stuffed[..length]

@@ -33,6 +33,10 @@ impl Recorder {
             }
             _ => Failure::write(path, error),
         })?;
+        Recorder::begin(path, file)
+    }
+
+    fn begin(path: &Path, file: File) -> Result<Self> {
         let mut writer = options().create(file).map_err(|e| failed(path, e))?;
         let schema = writer
             .add_schema(
@@ -131,5 +135,35 @@ fn failed(path: &Path, error: McapError) -> Failure {
     match error {
         McapError::Io(error) => Failure::write(path, error),
         other => Failure::write(path, other),
+    }
+}
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    use super::*;
+    use crate::error::Kind;
+    use rugosa_wire::{Header, Message};
+
+    /// `/dev/full` is a disk without space.
+    #[test]
+    fn a_full_disk_is_one_clear_error() {
+        let full = OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let frame = Frame {
+            header: Header::default(),
+            message: Message::Refresh,
+        };
+        let path = Path::new("sweeps.mcap");
+        let failure = Recorder::begin(path, full)
+            .and_then(|mut recorder| {
+                recorder.record(rugosa_wire::Role::Host, 0, &frame)?;
+                recorder.flush()
+            })
+            .unwrap_err();
+        assert_eq!(failure.kind, Kind::Runtime);
+        assert!(
+            failure
+                .message
+                .starts_with("cannot write sweeps.mcap: No space left")
+        );
     }
 }
