@@ -279,6 +279,17 @@ impl Decoder {
 /// Undoes the stuffing in place, checks, parses.
 #[inline]
 fn open(stuffed: &mut [u8]) -> Result<Frame, Broken> {
+    let (header, body) = checked(stuffed)?;
+    let mut parser = postcard::Deserializer::from_bytes(body);
+    let message = Message::deserialize(&mut parser).map_err(|_| Broken::Message)?;
+    match parser.finalize() {
+        Ok([]) => Ok(Frame { header, message }),
+        _ => Err(Broken::Message),
+    }
+}
+
+/// Header and message of a frame that is intact and of our version.
+fn checked(stuffed: &mut [u8]) -> Result<(Header, &[u8]), Broken> {
     let length = cobs::decode_in_place(stuffed).map_err(|_| Broken::Cobs)?;
     let (body, check) = stuffed[..length]
         .split_last_chunk::<CRC_BYTES>()
@@ -286,14 +297,9 @@ fn open(stuffed: &mut [u8]) -> Result<Frame, Broken> {
     if CRC.checksum(body) != u32::from_le_bytes(*check) {
         return Err(Broken::Crc);
     }
-    let (header, body) = take(body)?;
-    refuse_other_versions(body)?;
-    let (message, trailing) = take(body)?;
-    if trailing.is_empty() {
-        Ok(Frame { header, message })
-    } else {
-        Err(Broken::Message)
-    }
+    let (header, message) = take(body)?;
+    refuse_other_versions(message)?;
+    Ok((header, message))
 }
 
 fn take<'a, T: Deserialize<'a>>(bytes: &'a [u8]) -> Result<(T, &'a [u8]), Broken> {
