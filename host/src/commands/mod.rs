@@ -6,10 +6,14 @@
 //! line in [`run`].
 
 pub mod completions;
+pub mod compress;
 pub mod config;
 pub mod demo;
+pub mod densify;
 pub mod dimension;
 pub mod doctor;
+pub mod fis;
+pub mod ifs;
 pub mod info;
 pub mod man;
 pub mod map;
@@ -46,6 +50,16 @@ pub enum Command {
     Dimension(dimension::Args),
     /// Local roughness of a raster in moving windows
     Roughness(roughness::Args),
+    /// Double the resolution of a raster with natural roughness
+    Densify(densify::Args),
+    /// Rebuild a raster with a fractal interpolation surface
+    Fis(fis::Args),
+    /// Fit or tabulate a projected IFS
+    Ifs(ifs::Args),
+    /// Compress a raster, with a bound on error or size
+    Compress(compress::Args),
+    /// Decompress a raster
+    Decompress(compress::DecompressArgs),
     /// Say what a file holds
     Info(info::Args),
     /// Print or check the configuration
@@ -69,6 +83,11 @@ pub fn run(command: &Command, console: &Console) -> Result<()> {
         Command::Map(args) => map::run(args, console),
         Command::Dimension(args) => dimension::run(args, console),
         Command::Roughness(args) => roughness::run(args, console),
+        Command::Densify(args) => densify::run(args, console),
+        Command::Fis(args) => fis::run(args, console),
+        Command::Ifs(args) => ifs::run(args, console),
+        Command::Compress(args) => compress::run(args, console),
+        Command::Decompress(args) => compress::run_decompress(args, console),
         Command::Info(args) => info::run(args, console),
         Command::Config(args) => config::run(args, console),
         Command::Doctor(args) => doctor::run(args, console),

@@ -131,25 +131,20 @@ impl Line {
             return;
         }
         let grid = &mut grid[self.start..];
-        let stride = self.stride;
-        let inner_end = self.count.saturating_sub(3);
-        let mut i = first;
-        while i < self.count {
-            let value = if i >= 3 && i < inner_end {
-                let at = i * stride;
-                interpolate(
-                    grid[at - 3 * stride],
-                    grid[at - stride],
-                    grid[at + stride],
-                    grid[at + 3 * stride],
-                    shift,
-                )
-            } else {
+        let (stride, last) = (self.stride, self.count - 1);
+        for i in (first..self.count).step_by(2) {
+            let value = if i < 3 || i + 3 > last {
                 let at = |d: isize| grid[mirrored(i as isize + d, self.count) * stride];
                 interpolate(at(-3), at(-1), at(1), at(3), shift)
+            } else if let (1, Some(&[a, _, b, _, c, _, d])) = (stride, grid[i - 3..].first_chunk())
+            {
+                // neighbours in memory: one check of bounds for all four
+                interpolate(a, b, c, d, shift)
+            } else {
+                let at = |d: usize| grid[(i + d - 3) * stride];
+                interpolate(at(0), at(2), at(4), at(6), shift)
             };
             grid[i * stride] = grid[i * stride].wrapping_add(sign * value);
-            i += 2;
         }
     }
 }

@@ -39,12 +39,12 @@ impl Chance {
     }
 }
 
-/// 65536 / (n + 2.2): the first guess weighs as much as 1.2 decisions.
+/// 65536 / (n + 16): the first guess weighs as much as 15 decisions.
 const RATES: [i32; MEMORY as usize + 1] = {
     let mut rates = [0; MEMORY as usize + 1];
     let mut n = 0;
     while n <= MEMORY as usize {
-        rates[n] = 655_360 / (10 * n as i32 + 22);
+        rates[n] = 65_536 / (n as i32 + 16);
         n += 1;
     }
     rates
