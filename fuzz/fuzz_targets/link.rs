@@ -1,66 +1,8 @@
-//! A link under any bytes and any passage of time: no panic, and whatever it sends is
-//! understood by a decoder. The input is a list of (time step, length, bytes); bytes
-//! become good frames where the step is odd, so that the handshake is passed.
+//! A link under any bytes and any passage of time.
 #![no_main]
 
-use libfuzzer_sys::fuzz_target;
-use rugosa_wire::{
-    Credit, Decoder, Header, Heartbeat, Hello, Link, MAX_FRAME, Message, Role, capability, encode,
-};
+#[path = "../../crates/rugosa-wire/tests/common/hostile.rs"]
+#[allow(dead_code)]
+mod hostile;
 
-fn frame(bytes: &[u8], ours: u32) -> Option<([u8; MAX_FRAME], usize)> {
-    let &[kind, session, sequence, a, b, ..] = bytes else {
-        return None;
-    };
-    let message = match kind % 6 {
-        0 | 1 => Message::Hello(Hello {
-            heard: if a % 2 == 0 { ours } else { u32::from(b) },
-            asking: a % 4 < 2,
-            capabilities: capability::FLOW_CONTROL * u32::from(b % 2),
-            ..Hello::new(Role::Scanner, "fuzz", "1")
-        }),
-        2 => Message::Credit(Credit {
-            taken: u32::from(a).wrapping_neg(),
-            limit: u32::from(b) << (a % 32),
-        }),
-        3 => Message::Heartbeat(Heartbeat {
-            uptime_us: 0,
-            lines: u32::from(b) << (a % 32),
-        }),
-        4 => Message::Refresh,
-        _ => return None,
-    };
-    let header = Header {
-        session: u32::from(session % 3),
-        sequence: u16::from(sequence) << (a % 9),
-    };
-    let mut buffer = [0; MAX_FRAME];
-    let length = encode(&header, &message, &mut buffer).ok()?;
-    Some((buffer, length))
-}
-
-fuzz_target!(|data: &[u8]| {
-    let mut hello = Hello::new(Role::Module, "fuzz", "1");
-    hello.capabilities = capability::FLOW_CONTROL;
-    let mut link = Link::new(hello, 7);
-    let (mut now_us, mut rest, mut peer) = (0u64, data, Decoder::new());
-    while let [step, length, more @ ..] = rest {
-        let (bytes, tail) = more.split_at(more.len().min(usize::from(*length)));
-        rest = tail;
-        now_us += u64::from(*step) * 20_000;
-        let good = frame(bytes, 7).filter(|_| step % 2 == 1);
-        let mut input = good.as_ref().map_or(bytes, |(buffer, n)| &buffer[..*n]);
-        while link.receive(&mut input, now_us).is_some() {}
-        link.offer(u16::from(*length));
-        let mut buffer = [0; MAX_FRAME];
-        for _ in 0..4 {
-            let n = link.tend(now_us, &mut buffer);
-            let mut sent = &buffer[..n];
-            assert!(peer.pull(&mut sent).is_none_or(|frame| frame.is_ok()));
-        }
-        if let Ok(n) = link.send(&Message::Reset, now_us, &mut buffer) {
-            assert!(peer.pull(&mut &buffer[..n]).unwrap().is_ok());
-        }
-    }
-    assert_eq!(peer.counts().broken(), 0);
-});
+libfuzzer_sys::fuzz_target!(|data: &[u8]| hostile::link(data));
