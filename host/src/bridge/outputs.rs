@@ -155,10 +155,8 @@ pub fn layers_of(mapper: &Mapper) -> Layers {
         layers: Vec::new(),
     };
     for d in LAYERS {
-        let values: Vec<f32> = window
-            .cells()
-            .map(|cell| mapper.value(d.layer, cell))
-            .collect();
+        let mut values = vec![f32::NAN; window.len()];
+        mapper.fill(d.layer, &mut values);
         if d.name == "elevation" || values.iter().any(|v| v.is_finite()) {
             layers.add(d.name, d.unit, values);
         }
