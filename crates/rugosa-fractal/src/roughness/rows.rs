@@ -2,16 +2,22 @@
 //!
 //! The samples of the tile and of the margin that its pairs reach into are unpacked into
 //! a block of separate planes; then each offset is a shifted difference of the tile's
-//! rows with the block's, eight cells at a time, in plain integer arithmetic that a
-//! compiler turns into vector instructions. Cells without a sample are zero in every
-//! plane and masked. The results are the same integers as those of single pairs
+//! 64 cells with the block's, in plain 16-bit arithmetic that a compiler turns into vector
+//! instructions, and dot products of those differences. Cells without a sample are masked. The results are the same integers as those of single pairs
 //! (test `rows_equal_single_pairs`): integer sums do not depend on their order.
 //!
 //! Elevations are taken relative to the block's lowest one. Where the relief of the block
 //! exceeds [`RELIEF_LIMIT`] height steps the 32-bit partial sums might overflow and the
 //! pairs are summed one by one instead, to the same integers.
 //!
-//! Cost: 64 × [`OFFSETS`] masked pairs whatever is measured; see `docs/roughness.md`.
+//! With the feature `simd` the same code is compiled twice and the wider vectors are
+//! chosen at run time.
+//!
+//! Cost: 64 × [`OFFSETS`](super::OFFSETS) masked pairs whatever is measured, about 7
+//! instructions each with 256-bit vectors; see `docs/roughness.md`.
+//!
+//! Rejected: 32-bit lanes (twice the instructions; the multiplication of 16-bit pairs
+//! that x86 and Arm have is then not used), one cell's neighbours as a vector (gathers).
 
 use super::offsets::{LAGS, REACH, offsets};
 use super::sums::LagSums;
@@ -21,18 +27,19 @@ const LANES: usize = TILE as usize;
 const WIDTH: usize = LANES + 2 * REACH as usize;
 const HEIGHT: usize = LANES + REACH as usize;
 const CELLS: usize = WIDTH * HEIGHT;
+const PLACES: usize = LANES * LANES;
 
-/// Largest relief of a block for 32-bit partial sums, in height steps: over the 18 offsets
-/// of a lag and 8 rows, 18 · 8 · 13 000 · 1088 < 2³¹, and 8 · 13 000² < 2³².
-const RELIEF_LIMIT: i32 = 13_000;
+/// Largest relief of a block for 32-bit sums over 64 pairs, in height steps:
+/// 64 · 8000² < 2³² and 64 · 8000 · 1088 < 2³¹.
+const RELIEF_LIMIT: i32 = 8_000;
 
-/// Scratch memory: the samples of a tile and its margin, plane by plane; 7 680 bytes.
+/// Scratch memory: the samples of a tile and its margin, plane by plane; 9 600 bytes.
 #[derive(Clone, Debug)]
 pub struct Block {
     height: [i16; CELLS],
     variance: [u16; CELLS],
-    east: [i8; CELLS],
-    north: [i8; CELLS],
+    east: [i16; CELLS],
+    north: [i16; CELLS],
     /// −1 where a sample is, else 0
     mask: [i16; CELLS],
 }
@@ -72,23 +79,25 @@ impl Block {
 
     fn fill(&mut self, window: &Window, samples: &[Sample], tile: Tile) {
         let corner = tile.origin().offset(-REACH, 0);
-        for y in 0..HEIGHT {
-            for x in 0..WIDTH {
-                let cell = Cell::offset(corner, x as i32, y as i32);
-                let sample = window.slot(cell).map(|slot| samples[slot]);
-                self.put(y * WIDTH + x, sample.filter(Sample::is_measured));
+        for y in 0..HEIGHT as i32 {
+            let row = y as usize * WIDTH;
+            for x in 0..WIDTH as i32 {
+                let slot = window.slot(Cell::offset(corner, x, y));
+                self.put(
+                    row + x as usize,
+                    slot.map(|slot| samples[slot]).unwrap_or_default(),
+                );
             }
         }
     }
 
     #[inline(always)]
-    fn put(&mut self, at: usize, sample: Option<Sample>) {
-        self.mask[at] = -i16::from(sample.is_some());
-        let sample = sample.unwrap_or_default();
+    fn put(&mut self, at: usize, sample: Sample) {
+        self.mask[at] = -i16::from(sample.is_measured());
         self.height[at] = sample.height;
         self.variance[at] = sample.variance;
-        self.east[at] = sample.east;
-        self.north[at] = sample.north;
+        self.east[at] = sample.east.into();
+        self.north[at] = sample.north.into();
     }
 
     /// Makes the heights relative to the lowest one; false, and nothing done, where the
@@ -131,40 +140,36 @@ impl Block {
     }
 
     fn sample(&self, at: usize) -> Sample {
-        Sample::measured(
-            self.height[at],
-            self.variance[at],
-            self.east[at],
-            self.north[at],
-            0,
+        let (east, north) = (self.east[at] as i8, self.north[at] as i8);
+        Sample::measured(self.height[at], self.variance[at], east, north, 0)
+    }
+
+    #[cfg(not(feature = "simd"))]
+    fn by_rows(&self) -> [LagSums; LAGS] {
+        self.by_dot_products()
+    }
+
+    #[cfg(feature = "simd")]
+    fn by_rows(&self) -> [LagSums; LAGS] {
+        pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || self.by_dot_products(),
         )
     }
 
     #[inline(always)]
-    fn by_rows(&self) -> [LagSums; LAGS] {
-        core::array::from_fn(|lag| {
-            let mut lanes = LaneSums::default();
+    fn by_dot_products(&self) -> [LagSums; LAGS] {
+        let tile = Shifted::new(self, (0, 0));
+        let mut all = [LagSums::default(); LAGS];
+        for (lag, sums) in all.iter_mut().enumerate() {
+            let mut partners = Partners::default();
             for &offset in offsets(lag) {
-                let mut square = [0; LANES];
-                for row in 0..LANES {
-                    let (lower, upper) = places(row, offset);
-                    lanes.add(&mut square, &self.row(lower), &self.row(upper), offset);
-                }
-                lanes.square += square.iter().map(|&s| u64::from(s)).sum::<u64>();
+                let upper = Shifted::new(self, offset);
+                Differences::new(&tile, &upper, offset, &mut partners).add_to(sums);
             }
-            lanes.total()
-        })
-    }
-
-    #[inline(always)]
-    fn row(&self, at: usize) -> Row {
-        Row {
-            height: lanes_of(&self.height, at),
-            variance: lanes_of(&self.variance, at),
-            east: lanes_of(&self.east, at),
-            north: lanes_of(&self.north, at),
-            mask: lanes_of(&self.mask, at),
+            partners.add_to(sums, &tile.variance);
         }
+        all
     }
 }
 
@@ -176,62 +181,115 @@ fn places(row: usize, (x, y): (i8, i8)) -> (usize, usize) {
     (lower, upper)
 }
 
+/// The cells that lie at one offset from those of the tile.
+struct Shifted {
+    height: [i16; PLACES],
+    variance: [u16; PLACES],
+    east: [i16; PLACES],
+    north: [i16; PLACES],
+    mask: [i16; PLACES],
+}
+
+impl Shifted {
+    #[inline(always)]
+    fn new(block: &Block, offset: (i8, i8)) -> Self {
+        Shifted {
+            height: shifted(&block.height, offset),
+            variance: shifted(&block.variance, offset),
+            east: shifted(&block.east, offset),
+            north: shifted(&block.north, offset),
+            mask: shifted(&block.mask, offset),
+        }
+    }
+}
+
 #[inline(always)]
-fn lanes_of<T: Copy>(plane: &[T; CELLS], at: usize) -> [T; LANES] {
-    core::array::from_fn(|lane| plane[at..at + LANES][lane])
+fn shifted<T: Copy + Default>(plane: &[T; CELLS], offset: (i8, i8)) -> [T; PLACES] {
+    let mut out = [T::default(); PLACES];
+    for (row, out) in out.chunks_exact_mut(LANES).enumerate() {
+        let upper = places(row, offset).1;
+        out.copy_from_slice(&plane[upper..upper + LANES]);
+    }
+    out
 }
 
-/// Eight neighbouring cells of a block.
-struct Row {
-    height: [i16; LANES],
-    variance: [u16; LANES],
-    east: [i8; LANES],
-    north: [i8; LANES],
-    mask: [i16; LANES],
+/// For each cell of the tile: its partners so far and the sum of their variances.
+struct Partners {
+    count: [i16; PLACES],
+    noise: [u32; PLACES],
 }
 
-/// Partial sums, one per lane.
-#[derive(Default)]
-struct LaneSums {
-    square: u64,
-    absolute: [u32; LANES],
-    pairs: [i32; LANES],
-    noise: [u32; LANES],
-    trend: [[i32; LANES]; 2],
-    spread: [[i32; LANES]; 3],
-}
-
-impl LaneSums {
-    #[inline(always)]
-    #[allow(clippy::needless_range_loop)] // one lane of many arrays
-    fn add(&mut self, square: &mut [u32; LANES], lower: &Row, upper: &Row, (x, y): (i8, i8)) {
-        for k in 0..LANES {
-            let mask = i32::from(lower.mask[k] & upper.mask[k]);
-            let dz = (i32::from(upper.height[k]) - i32::from(lower.height[k])) & mask;
-            let dx = PARTS * i32::from(x) + i32::from(upper.east[k]) - i32::from(lower.east[k]);
-            let dy = PARTS * i32::from(y) + i32::from(upper.north[k]) - i32::from(lower.north[k]);
-            square[k] += (dz * dz) as u32;
-            self.absolute[k] += dz.unsigned_abs();
-            self.pairs[k] -= mask;
-            let noise = u32::from(lower.variance[k]) + u32::from(upper.variance[k]);
-            self.noise[k] += noise & mask as u32;
-            self.trend[0][k] += dz * dx;
-            self.trend[1][k] += dz * dy;
-            self.spread[0][k] += (dx & mask) * dx;
-            self.spread[1][k] += (dx & mask) * dy;
-            self.spread[2][k] += (dy & mask) * dy;
+impl Default for Partners {
+    fn default() -> Self {
+        Partners {
+            count: [0; PLACES],
+            noise: [0; PLACES],
         }
+    }
+}
+
+impl Partners {
+    #[inline(always)]
+    fn add_to(&self, sums: &mut LagSums, own: &[u16; PLACES]) {
+        for k in 0..PLACES {
+            let count = u32::from(self.count[k] as u16);
+            sums.pairs += count;
+            sums.noise += self.noise[k] + count * u32::from(own[k]);
+        }
+    }
+}
+
+/// Differences of a tile with the cells at one offset; zero where there is no pair.
+struct Differences {
+    dz: [i16; PLACES],
+    dx: [i16; PLACES],
+    dy: [i16; PLACES],
+}
+
+impl Differences {
+    #[inline(always)]
+    fn new(tile: &Shifted, upper: &Shifted, (x, y): (i8, i8), partners: &mut Partners) -> Self {
+        let (x, y) = (PARTS as i16 * i16::from(x), PARTS as i16 * i16::from(y));
+        let mut out = Differences {
+            dz: [0; PLACES],
+            dx: [0; PLACES],
+            dy: [0; PLACES],
+        };
+        for k in 0..PLACES {
+            let mask = upper.mask[k] & tile.mask[k];
+            out.dz[k] = upper.height[k].wrapping_sub(tile.height[k]) & mask;
+            out.dx[k] = upper.east[k].wrapping_sub(tile.east[k]).wrapping_add(x) & mask;
+            out.dy[k] = upper.north[k].wrapping_sub(tile.north[k]).wrapping_add(y) & mask;
+            partners.count[k] = partners.count[k].wrapping_sub(mask);
+            let noise = u32::from(upper.variance[k] & mask as u16);
+            partners.noise[k] = partners.noise[k].wrapping_add(noise);
+        }
+        out
     }
 
     #[inline(always)]
-    fn total(&self) -> LagSums {
-        LagSums {
-            square: self.square,
-            trend: self.trend.map(|t| t.iter().map(|&s| i64::from(s)).sum()),
-            absolute: self.absolute.iter().sum(),
-            pairs: self.pairs.iter().sum::<i32>() as u32,
-            noise: self.noise.iter().sum(),
-            spread: self.spread.map(|g| g.iter().sum()),
-        }
+    fn add_to(&self, sums: &mut LagSums) {
+        let Differences { dz, dx, dy } = self;
+        let magnitude = core::array::from_fn(|k| dz[k].wrapping_abs());
+        sums.square += u64::from(dot(dz, dz) as u32);
+        sums.absolute += dot(&magnitude, &[1; PLACES]) as u32;
+        sums.trend[0] += i64::from(dot(dz, dx));
+        sums.trend[1] += i64::from(dot(dz, dy));
+        sums.spread[0] += dot(dx, dx);
+        sums.spread[1] += dot(dx, dy);
+        sums.spread[2] += dot(dy, dy);
     }
+}
+
+/// Σ a b in 32 bits, two products at a time: the instruction that many machines have.
+#[inline(always)]
+fn dot(a: &[i16; PLACES], b: &[i16; PLACES]) -> i32 {
+    let mut products = [0i32; PLACES / 2];
+    for (k, product) in products.iter_mut().enumerate() {
+        let even = i32::from(a[2 * k]) * i32::from(b[2 * k]);
+        *product = even.wrapping_add(i32::from(a[2 * k + 1]) * i32::from(b[2 * k + 1]));
+    }
+    products
+        .iter()
+        .fold(0, |sum, &product| sum.wrapping_add(product))
 }
