@@ -120,7 +120,7 @@ fn quarter(d: f64) -> f64 {
 
 fn downturn(d: f64) -> f64 {
     let beyond = (d / BREAK).max(1.0).ln();
-    line(d) - 0.5 * beyond * beyond
+    flat(d) - 0.8 * beyond * beyond
 }
 
 fn saturation(d: f64) -> f64 {

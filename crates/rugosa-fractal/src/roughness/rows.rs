@@ -231,10 +231,10 @@ impl Default for Partners {
 impl Partners {
     #[inline(always)]
     fn add_to(&self, sums: &mut LagSums, own: &[u16; PLACES]) {
-        for k in 0..PLACES {
-            let count = u32::from(self.count[k] as u16);
+        for ((&count, &noise), &own) in self.count.iter().zip(&self.noise).zip(own) {
+            let count = u32::from(count as u16);
             sums.pairs += count;
-            sums.noise += self.noise[k] + count * u32::from(own[k]);
+            sums.noise += noise + count * u32::from(own);
         }
     }
 }

@@ -22,6 +22,8 @@ pub mod gaussianity;
 pub mod pairs;
 pub mod power_law;
 pub mod raster;
+#[cfg(all(test, feature = "std"))]
+mod tests;
 
 use super::Reason;
 use super::estimate::Method;
@@ -129,7 +131,7 @@ fn bins(options: &Options, spacing: f64, side: f64) -> Bins {
     let steps = libm::round((high - low) / (0.5 * low)).clamp(3.0, MOST_LAGS as f64 - 1.0);
     let width = (high - low) / steps;
     Bins {
-        low: low - 0.5 * width,
+        low: (low - 0.5 * width).max(0.0),
         width,
         count: steps as usize + 1,
     }
@@ -174,7 +176,12 @@ fn law(
     let fit = if used.len() == observations.len() {
         *whole
     } else {
-        Fit::new(used, side, options.noise)?
+        // the noise is known best from all bins
+        let fit = Fit::new(used, side, Noise::Known(libm::sqrt(whole.noise)))?;
+        Fit {
+            standard_error: fit.standard_error.max(whole.standard_error),
+            ..fit
+        }
     };
     let outside = (-fit.hurst).max(fit.hurst - 1.0);
     if outside > 2.0 * fit.standard_error {
@@ -194,37 +201,51 @@ fn law(
     Ok((fit, law))
 }
 
-/// Index of the first and last observation of the scaling range, found on ½ ln V with the
-/// noise of the fit over all bins taken off.
+/// First and last observation of the scaling range, found on ½ ln V with the noise of the
+/// fit over all bins taken off. Bins whose V the noise leaves uncertain have no say; where
+/// the range reaches the first or last that has, those beyond it belong to it.
 fn range(
     whole: &Fit,
     observations: &[Observation],
     side: f64,
     options: &Options,
 ) -> Result<(usize, usize), Reason> {
-    let kept: Vec<usize> = (0..observations.len().min(MOST_LAGS))
-        .filter(|&i| observations[i].raw > whole.noise)
+    let sure: Vec<usize> = (0..observations.len())
+        .filter(|&i| whole.is_sure_of(&observations[i]))
         .collect();
-    let x: Vec<f64> = kept
+    let value = |&i: &usize| observations[i].raw - 2.0 * whole.noise;
+    let x: Vec<f64> = sure
         .iter()
         .map(|&i| libm::log(observations[i].distance))
         .collect();
-    let y: Vec<f64> = kept
-        .iter()
-        .map(|&i| 0.5 * libm::log(observations[i].raw - whole.noise))
-        .collect();
+    let y: Vec<f64> = sure.iter().map(|i| 0.5 * libm::log(value(i))).collect();
+    if options.range == scaling_range::Method::Whole || sure.len() < scaling_range::LEAST_POINTS {
+        return Ok((0, observations.len() - 1));
+    }
     let chance = whole.expected_residual(observations, side);
-    let method = widened(options.range, chance);
-    match scaling_range::scaling_range(&x, &y, method) {
+    match scaling_range::scaling_range(&x, &y, widened(options.range, chance)) {
         Ok(range) if range.residual <= MOST_RESIDUAL.max(3.0 * chance) => {
-            Ok((kept[range.first], kept[range.last]))
+            let first = if range.first == 0 {
+                0
+            } else {
+                sure[range.first]
+            };
+            let end = range.last + 1 == sure.len();
+            Ok((
+                first,
+                if end {
+                    observations.len() - 1
+                } else {
+                    sure[range.last]
+                },
+            ))
         }
         Ok(_) | Err(NoRange::NoLine) => Err(Reason::NoLine),
         Err(NoRange::TooFewPoints) => Err(Reason::TooFewPairs),
-        Err(NoRange::Slope(_)) if matches!(method, scaling_range::Method::Whole) => {
-            Ok((kept[0], kept[kept.len() - 1]))
+        Err(NoRange::Slope(slope)) if slope > 1.0 || slope < -2.0 * whole.standard_error => {
+            Err(Reason::Slope)
         }
-        Err(NoRange::Slope(_)) => Err(Reason::Slope),
+        Err(NoRange::Slope(_)) => Ok((0, observations.len() - 1)),
     }
 }
 

@@ -1,11 +1,11 @@
 //! Sums over all pairs of irregular points, by a cell list.
 //!
-//! The points are sorted into square cells of an eighth of the greatest lag, row by row,
+//! The points are sorted into square cells of a sixth of the greatest lag, row by row,
 //! so all candidates for a point in one row of cells are one contiguous stretch of
 //! memory: of its own row what follows it, of the rows above what lies within the lag.
-//! Differences are computed stretch by stretch, in a loop without branches; the annulus is
-//! looked up from d² in a table that is exact after one comparison with the annulus'
-//! border. Pairs outside all annuli go to a bin that is thrown away.
+//! The loop over a stretch has no branches: the annulus is looked up from d² in a table
+//! that is exact after one comparison with the annulus' border, no square root is taken,
+//! and pairs outside all annuli go to a bin that is thrown away.
 //!
 //! Annuli are half-open, [low + i·width, low + (i + 1)·width). Coordinates are taken
 //! relative to the middle of the points and kept in f32; partial sums are f32 over at most
@@ -112,6 +112,9 @@ pub fn sums(points: &[[f64; 3]], bins: &Bins) -> Vec<Sums> {
     counter.finish(bins.count)
 }
 
+/// Fewer, and more candidates lie outside; more, and the stretches become short.
+const CELLS_PER_REACH: f64 = 6.0;
+
 /// Points sorted by cell, row by row.
 struct CellList {
     x: Vec<f32>,
@@ -131,7 +134,7 @@ impl CellList {
         let most = 2.0 * points.len() as f64 + 1024.0;
         let spread = libm::sqrt((east - west) * (north - south) / most)
             .max((east - west).max(north - south) / most);
-        let edge = (reach / 8.0).max(spread);
+        let edge = (reach / CELLS_PER_REACH).max(spread);
         let columns = ((east - west) / edge) as usize + 1;
         let rows = ((north - south) / edge) as usize + 1;
         let place = |p: &[f64; 3]| {
@@ -202,27 +205,37 @@ impl CellList {
             &self.y[stretch.clone()],
             &self.z[stretch],
         );
-        for ((x, y), z) in x.chunks(BATCH).zip(y.chunks(BATCH)).zip(z.chunks(BATCH)) {
-            counter.batch(x, y, z, [self.x[i], self.y[i], self.z[i]]);
+        let from = [self.x[i], self.y[i], self.z[i]];
+        for ((&x, &y), &z) in x.iter().zip(y).zip(z) {
+            counter.add(from, [x, y, z]);
+        }
+        counter.pending += x.len();
+        if counter.pending >= FLUSH {
+            counter.flush();
         }
     }
 }
 
-const BATCH: usize = 64;
-
 /// Pairs between two flushes of the f32 partial sums.
 pub const FLUSH: usize = 4096;
 
-const TABLE: usize = 2048;
+/// Steps of d²: fine enough that no step holds two borders of 64 annuli.
+const TABLE: usize = 8192;
+
+/// Bins that an 8-bit index reaches: it needs no check of bounds.
+const BINS: usize = 256;
+
+/// 2²³: adding it to a number below rounds that to an integer in the low bits.
+const ROUNDING: f32 = 8_388_608.0;
 
 /// Annulus sums in the making. Bin 0 and the last one take what lies outside.
 struct Counter {
     /// partial sums: 1, |Δz|, Δz², d²
-    partial: [[f32; 4]; super::MOST_LAGS + 2],
-    total: [[f64; 4]; super::MOST_LAGS + 2],
+    partial: [[f32; 4]; BINS],
+    total: [[f64; 4]; BINS],
     pending: usize,
     /// squared outer border of each bin
-    border: [f32; super::MOST_LAGS + 2],
+    border: [f32; BINS],
     /// bin at the lower end of each step of d²
     table: [u8; TABLE],
     steps: f32,
@@ -230,20 +243,24 @@ struct Counter {
 
 impl Counter {
     fn new(bins: &Bins) -> Self {
-        let mut border = [f32::INFINITY; super::MOST_LAGS + 2];
+        let mut border = [f32::INFINITY; BINS];
         for (i, border) in border.iter_mut().enumerate().take(bins.count + 1) {
             let edge = bins.edge(i).max(0.0);
             *border = (edge * edge) as f32;
         }
-        let steps = (TABLE - 1) as f32 / border[bins.count];
+        let steps = (TABLE - 2) as f32 / border[bins.count];
         let mut table = [0; TABLE];
-        for (i, bin) in table.iter_mut().enumerate() {
-            let square = i as f32 / steps * (1.0 - 1e-5);
-            *bin = (0..=bins.count).filter(|&b| square >= border[b]).count() as u8;
+        let mut bin = 0;
+        for (i, entry) in table.iter_mut().enumerate() {
+            while bin <= bins.count && (i as f32 - 0.51) / steps >= border[bin] {
+                bin += 1;
+            }
+            *entry = bin as u8;
         }
+        let (partial, total) = ([[0.0; 4]; BINS], [[0.0; 4]; BINS]);
         Counter {
-            partial: [[0.0; 4]; super::MOST_LAGS + 2],
-            total: [[0.0; 4]; super::MOST_LAGS + 2],
+            partial,
+            total,
             pending: 0,
             border,
             table,
@@ -251,31 +268,18 @@ impl Counter {
         }
     }
 
-    #[inline]
-    fn batch(&mut self, x: &[f32], y: &[f32], z: &[f32], [px, py, pz]: [f32; 3]) {
-        let mut squares = [0.0f32; BATCH];
-        let mut steps = [0i32; BATCH];
-        for (k, (x, y)) in x.iter().zip(y).enumerate().take(BATCH) {
-            let (dx, dy) = (x - px, y - py);
-            squares[k] = dx * dx + dy * dy;
-            steps[k] = (squares[k] * self.steps).min((TABLE - 1) as f32) as i32;
-        }
-        for (k, z) in z.iter().enumerate().take(BATCH) {
-            let guess = usize::from(self.table[steps[k] as usize % TABLE]);
-            let bin = guess + usize::from(squares[k] >= self.border[guess]);
-            let dz = (z - pz).abs();
-            let sums = &mut self.partial[bin];
-            *sums = [
-                sums[0] + 1.0,
-                sums[1] + dz,
-                sums[2] + dz * dz,
-                sums[3] + squares[k],
-            ];
-        }
-        self.pending += z.len();
-        if self.pending >= FLUSH {
-            self.flush();
-        }
+    #[inline(always)]
+    fn add(&mut self, from: [f32; 3], to: [f32; 3]) {
+        let [dx, dy, dz] = [to[0] - from[0], to[1] - from[1], to[2] - from[2]];
+        let square = dx * dx + dy * dy;
+        let step = (square * self.steps).min((TABLE - 1) as f32) + ROUNDING;
+        let guess = self.table[step.to_bits() as usize % TABLE];
+        let outside = square >= self.border[usize::from(guess)];
+        let sums = &mut self.partial[usize::from(guess.wrapping_add(u8::from(outside)))];
+        let terms = [1.0, dz.abs(), dz * dz, square];
+        sums.iter_mut()
+            .zip(terms)
+            .for_each(|(sum, term)| *sum += term);
     }
 
     fn flush(&mut self) {

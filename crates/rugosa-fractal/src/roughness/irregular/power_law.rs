@@ -62,7 +62,7 @@ pub struct Fit {
     pub level: f64,
     /// H
     pub hurst: f64,
-    /// ν, what noise adds to the second moment \[m²\], halved: the variance of a height
+    /// n², the variance of a height by noise \[m²\]
     pub noise: f64,
     /// standard error of H
     pub standard_error: f64,
@@ -71,6 +71,10 @@ pub struct Fit {
     /// −2 ln likelihood
     cost: f64,
 }
+
+/// A fitted noise must raise 2 ln likelihood by this much, else it is none (one-sided 95 %):
+/// a noise that can only be positive would otherwise bias rough surfaces.
+const SIGNIFICANT: f64 = 2.7;
 
 const ROUNDS: usize = 40;
 const STARTS: [f64; 3] = [0.0, 0.5, 0.9];
@@ -90,7 +94,13 @@ impl Fit {
             Noise::Fitted => STARTS.iter().map(|share| fits(true, share * least)).fold(
                 fits(false, 0.0),
                 |a, b| match (a, b) {
-                    (Some(a), Some(b)) => Some(if b.cost < a.cost - 1e-9 { b } else { a }),
+                    (Some(a), Some(b)) => Some(
+                        if b.cost < a.cost - if a.noise == 0.0 { SIGNIFICANT } else { 0.0 } {
+                            b
+                        } else {
+                            a
+                        },
+                    ),
                     (a, b) => a.or(b),
                 },
             ),
@@ -98,22 +108,28 @@ impl Fit {
         best.ok_or(Reason::Noise)
     }
 
+    /// Does this bin's scatter leave its corrected moment known within 10 %?
+    pub fn is_sure_of(&self, bin: &Observation) -> bool {
+        let value = bin.raw - 2.0 * self.noise;
+        value > 0.0 && bin.scatter * bin.raw * bin.raw < 0.1 * 0.1 * value * value
+    }
+
     /// rms of ln σ(d) that the error model expects around the true line.
     pub fn expected_residual(&self, bins: &[Observation], side: f64) -> f64 {
-        let rate = walk_rate(self.hurst) / side;
+        let walk = |bin: &Observation| walk_variance(self.hurst, bin.distance / side);
         let variance = |bin: &Observation| {
             let model = libm::exp(self.level + 2.0 * self.hurst * bin.effective(self.hurst));
             let noisy = 1.0 + 2.0 * self.noise / model;
-            rate * (bin.distance - bins[0].distance) + bin.scatter * noisy * noisy
+            walk(bin) - walk(&bins[0]) + bin.scatter * noisy * noisy
         };
         0.5 * libm::sqrt(bins.iter().map(variance).sum::<f64>() / bins.len() as f64)
     }
 }
 
-/// c(H), variance of the change of V/m over one region's side.
-fn walk_rate(hurst: f64) -> f64 {
-    let hurst = hurst.clamp(0.05, 0.95);
-    0.2 * hurst * libm::sqrt(1.0 - hurst)
+/// Variance of V/m at the distance d = part · side, beyond what is common to all.
+fn walk_variance(hurst: f64, part: f64) -> f64 {
+    let exponent = 1.5 - (hurst - 0.5).clamp(0.0, 0.45);
+    (0.8 * hurst - 0.04).clamp(0.02, 0.58) * libm::pow(part, exponent)
 }
 
 struct Problem<'a> {
@@ -139,6 +155,9 @@ impl Problem<'_> {
             state.hurst = (state.hurst + step[1].clamp(-0.2, 0.2)).clamp(-0.5, 1.5);
             if self.free {
                 state.nu = (state.nu + step[2]).max(0.0);
+            }
+            if step[0].abs() + step[1].abs() < 1e-9 {
+                break;
             }
         }
         let normal = self.normal(&state);
@@ -167,23 +186,20 @@ impl Problem<'_> {
     }
 
     fn normal(&self, state: &State) -> Normal {
-        let rate = walk_rate(state.hurst) / self.side;
         let mut walk = Walk::default();
         let mut normal = Normal::default();
-        let mut last = self.bins[0].distance;
+        let mut before = walk_variance(state.hurst, self.bins[0].distance / self.side);
         for bin in self.bins {
             let x = 2.0 * bin.effective(state.hurst);
             let model = libm::exp(state.level + state.hurst * x);
             let noisy = 1.0 + state.nu / model;
             let excess = ((bin.raw - state.nu) / model - 1.0).clamp(-2.0, 2.0);
             let series = [excess, 1.0, x, 1.0 / model];
-            let (innovation, weight) = walk.innovation(
-                series,
-                rate * (bin.distance - last),
-                bin.scatter * noisy * noisy,
-            );
+            let variance = walk_variance(state.hurst, bin.distance / self.side);
+            let (innovation, weight) =
+                walk.innovation(series, variance - before, bin.scatter * noisy * noisy);
+            before = variance;
             normal.add(innovation, weight, model);
-            last = bin.distance;
         }
         normal
     }
@@ -224,6 +240,9 @@ impl Walk {
         (innovation, weight)
     }
 }
+
+/// A standard error of H above this says nothing.
+const WORST: f64 = 0.5;
 
 /// Normal equations for the steps of level, hurst and ν.
 #[derive(Default)]
@@ -273,6 +292,6 @@ impl Normal {
 
     fn standard_error(&self, three: bool) -> Option<f64> {
         let variance = self.inverse(three)?[(1, 1)];
-        (variance > 0.0).then(|| libm::sqrt(variance))
+        (variance > 0.0 && variance < WORST * WORST).then(|| libm::sqrt(variance))
     }
 }

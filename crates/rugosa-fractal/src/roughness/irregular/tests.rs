@@ -1,0 +1,168 @@
+use super::*;
+use crate::synthesis::{exact_fbm, exact_fbm_pair};
+use alloc::vec;
+use rand_core::{Rng, SeedableRng};
+use rand_xoshiro::Xoshiro256PlusPlus;
+
+/// 5 % of the nodes of a surface, with white noise of this deviation.
+fn sample(heights: &[f32], noise: f64) -> Vec<[f64; 3]> {
+    let side = heights.len().isqrt();
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(5);
+    let mut uniform = || 1.0 - (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
+    let mut points = Vec::new();
+    for (i, &z) in heights.iter().enumerate() {
+        let normal = (-2.0 * uniform().ln()).sqrt() * (core::f64::consts::TAU * uniform()).cos();
+        if uniform() < 0.05 {
+            points.push([
+                (i % side) as f64,
+                (i / side) as f64,
+                f64::from(z) + noise * normal,
+            ]);
+        }
+    }
+    points
+}
+
+fn points(side: usize, hurst: f64, noise: f64, seed: u64) -> Vec<[f64; 3]> {
+    sample(&exact_fbm(side, hurst, seed), noise)
+}
+
+fn options(noise: Noise) -> Options {
+    Options {
+        min_lag: Some(2.0),
+        max_lag: Some(30.0),
+        noise,
+        ..Options::default()
+    }
+}
+
+#[test]
+fn dimension_of_exact_surfaces() {
+    for (hurst, tolerance) in [(0.8, 0.06), (0.5, 0.04), (0.2, 0.03)] {
+        let surfaces: Vec<Vec<f32>> = (0..2)
+            .flat_map(|seed| exact_fbm_pair(256, hurst, seed))
+            .collect();
+        for (std, noise) in [
+            (0.0, Noise::Known(0.0)),
+            (0.4, Noise::Known(0.4)),
+            (0.4, Noise::Fitted),
+        ] {
+            let errors = surfaces.iter().map(|heights| {
+                let law = estimate_points(&sample(heights, std), &options(noise))
+                    .law
+                    .unwrap();
+                assert_eq!(law.dimension, 3.0 - law.hurst);
+                law.hurst - hurst
+            });
+            let bias = errors.sum::<f64>() / 4.0;
+            let tolerance = if noise == Noise::Fitted {
+                2.5 * tolerance
+            } else {
+                tolerance
+            };
+            assert!(bias.abs() < tolerance, "H {hurst} {noise:?}: {bias:+.3}");
+        }
+    }
+}
+
+#[test]
+fn fitted_noise_is_the_noise() {
+    let estimate = estimate_points(&points(256, 0.7, 0.8, 3), &options(Noise::Fitted));
+    assert!(
+        (estimate.noise_std - 0.8).abs() < 0.15,
+        "{}",
+        estimate.noise_std
+    );
+}
+
+/// The method of 1996 in its plainest form: all pairs, mean |Δz|, annuli, least squares.
+fn all_pairs_slope(points: &[[f64; 3]], bins: &Bins) -> f64 {
+    let mut sums = vec![[0.0; 3]; bins.count];
+    for (i, p) in points.iter().enumerate() {
+        for q in &points[..i] {
+            let square = (p[0] - q[0]).powi(2) + (p[1] - q[1]).powi(2);
+            if let Some(bin) = bins.of(square.sqrt()) {
+                let sum = &mut sums[bin];
+                *sum = [sum[0] + 1.0, sum[1] + (p[2] - q[2]).abs(), sum[2] + square];
+            }
+        }
+    }
+    let x: Vec<f64> = sums.iter().map(|s| (s[2] / s[0]).sqrt().ln()).collect();
+    let y: Vec<f64> = sums.iter().map(|s| (s[1] / s[0]).ln()).collect();
+    let n = x.len() as f64;
+    let (mx, my) = (x.iter().sum::<f64>() / n, y.iter().sum::<f64>() / n);
+    let (mut xy, mut xx) = (0.0, 0.0);
+    for (x, y) in x.iter().zip(&y) {
+        xy += (x - mx) * (y - my);
+        xx += (x - mx) * (x - mx);
+    }
+    xy / xx
+}
+
+#[test]
+fn the_method_of_1996_equals_its_all_pairs_oracle() {
+    let points = points(128, 0.6, 0.0, 11);
+    let bins = Bins {
+        low: 1.5,
+        width: 1.0,
+        count: 15,
+    };
+    let measured: Vec<Bin> = pairs::sums(&points, &bins)
+        .iter()
+        .enumerate()
+        .map(|(i, s)| s.bin(bins.centre(i)))
+        .collect();
+    let x: Vec<f64> = measured.iter().map(|bin| bin.lag.ln()).collect();
+    let y: Vec<f64> = measured.iter().map(|bin| bin.mean_abs_dz.ln()).collect();
+    let line = scaling_range::scaling_range(&x, &y, scaling_range::Method::Whole).unwrap();
+    assert!((line.slope - all_pairs_slope(&points, &bins)).abs() < 1e-5);
+    assert!((line.slope - 0.6).abs() < 0.1);
+}
+
+#[test]
+fn a_raster_and_its_points_agree() {
+    let side = 128;
+    let values = exact_fbm(side, 0.5, 4);
+    let points: Vec<[f64; 3]> = (0..side * side)
+        .map(|i| [(i % side) as f64, (i / side) as f64, f64::from(values[i])])
+        .collect();
+    let options = Options {
+        max_lag: Some(10.0),
+        ..options(Noise::Known(0.0))
+    };
+    let raster = Raster {
+        values: &values,
+        columns: side,
+        spacing: [1.0; 2],
+    };
+    let (a, b) = (
+        estimate_raster(&raster, &options),
+        estimate_points(&points, &options),
+    );
+    assert!((a.law.unwrap().hurst - b.law.unwrap().hurst).abs() < 0.01);
+}
+
+#[test]
+fn what_is_not_fractal_is_not_given_a_number() {
+    let plane: Vec<[f64; 3]> = (0..900)
+        .map(|i| [f64::from(i % 30), f64::from(i / 30), 0.0])
+        .collect();
+    assert!(estimate_points(&plane, &Options::default()).law.is_err());
+    let white = points(128, 0.5, 500.0, 2);
+    let known = estimate_points(
+        &white,
+        &Options {
+            noise: Noise::Known(0.0),
+            ..options(Noise::Fitted)
+        },
+    );
+    assert!(known.law.map_or(true, |law| law.hurst < 0.02));
+    assert_eq!(
+        estimate_points(&[], &Options::default()).law,
+        Err(Reason::TooFewPairs)
+    );
+    assert_eq!(
+        estimate_points(&[[1.0; 3]; 40], &Options::default()).law,
+        Err(Reason::TooFewPairs)
+    );
+}
