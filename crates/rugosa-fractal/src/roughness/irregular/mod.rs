@@ -177,11 +177,9 @@ fn law(
         *whole
     } else {
         // the noise is known best from all bins
-        let fit = Fit::new(used, side, Noise::Known(libm::sqrt(whole.noise)))?;
-        Fit {
-            standard_error: fit.standard_error.max(whole.standard_error),
-            ..fit
-        }
+        let mut fit = Fit::new(used, side, Noise::Known(libm::sqrt(whole.noise)))?;
+        fit.standard_error = fit.standard_error.max(whole.standard_error);
+        fit
     };
     let outside = (-fit.hurst).max(fit.hurst - 1.0);
     if outside > 2.0 * fit.standard_error {
