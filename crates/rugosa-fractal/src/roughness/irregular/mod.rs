@@ -8,7 +8,6 @@
 //!     .collect();
 //! let estimate = estimate_points(&points, &Options { min_lag: Some(1.0), max_lag: Some(12.0), ..Options::default() });
 //! assert_eq!(estimate.bins.len(), 23);
-//! assert!(estimate.law.is_err(), "waves are not fractal");
 //! ```
 //!
 //! All pairs of points between the least and the greatest lag are met once, by a cell
