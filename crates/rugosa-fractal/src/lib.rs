@@ -7,6 +7,7 @@ extern crate alloc;
 #[cfg(any(test, feature = "std"))]
 extern crate std;
 
+pub mod ak96;
 pub mod codec;
 pub mod pyramid;
 pub mod roughness;

@@ -2,7 +2,8 @@
 //!
 //! With the feature `simd` the loops of the solver are compiled a second time for wider
 //! registers and chosen when run. They contain no fused and no reordered operation, so
-//! the bits are the same either way (`simd_gives_the_same_bits`).
+//! the bits do not depend on the choice; `the_same_bits_for_ever` in
+//! `synthesis::pyramid` is to be run with and without the feature.
 
 /// Runs `f` with the widest vectors the processor has.
 #[inline(always)]
