@@ -338,7 +338,10 @@ impl<'a> Surface<'a> {
                 .enumerate()
             {
                 let folded = if tile % 2 == 0 { k } else { self.tile.1 - k };
-                let s = self.scale_at((node, u), (tile, k as f32 / self.tile.1 as f32));
+                let s = match self.scale {
+                    Scale::Constant(s) => s,
+                    _ => self.scale_at((node, u), (tile, k as f32 / self.tile.1 as f32)),
+                };
                 *out = left + slope * k as f32 + s * detail(folded * stride);
             }
         }
