@@ -16,6 +16,9 @@ use std::time::{Duration, Instant};
 /// Time between plain progress lines.
 const PLAIN_INTERVAL: Duration = Duration::from_secs(5);
 
+/// Time between two pictures of a spinner.
+const SPIN: Duration = Duration::from_millis(200);
+
 /// The two streams and the switches `--quiet` and `--json`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Console {
@@ -48,6 +51,9 @@ impl Console {
         let bar = ProgressBar::with_draw_target(total, self.draw_target());
         bar.set_style(style(total.is_some()));
         bar.set_prefix(label.to_owned());
+        if total.is_none() {
+            bar.enable_steady_tick(SPIN);
+        }
         Progress {
             bar,
             plain,

@@ -177,7 +177,9 @@ pub fn run(args: &Args, console: &Console) -> Result<()> {
     let data = io::read(&args.file, args.spacing)?;
     let read = started.elapsed().as_secs_f64();
     let started = Instant::now();
+    let progress = console.progress("estimating", None);
     let (estimate, points, points_skipped) = estimate(&data, &args.options());
+    drop(progress);
     let seconds = Seconds {
         read,
         estimate: started.elapsed().as_secs_f64(),
