@@ -10,8 +10,9 @@
 //! built into `target/bare-metal`, so that host builds and these never evict each
 //! other, and repeated builds stay warm.
 
-use crate::steps::Outcome;
+use crate::steps::{Outcome, command};
 use anyhow::{Context, Result, bail};
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -66,10 +67,38 @@ impl Board {
     }
 }
 
-/// The step of the test command.
+/// The step of the test command: the core builds for a Cortex-M.
 pub fn step() -> Result<Outcome> {
     build_core()?;
     Ok(Outcome::Passed)
+}
+
+/// The step of the test command: the firmware in the emulator, against the host.
+pub fn hil() -> Result<Outcome> {
+    if let Err(error) = need_emulator() {
+        return Ok(Outcome::Skipped(format!("{error:#}")));
+    }
+    if let Err(error) = Toolchain::find(CORTEX_M4F) {
+        return Ok(Outcome::Skipped(format!("{error:#}")));
+    }
+    build_firmware(Board::Mps2An386)?;
+    build_on_target_tests()?;
+    let tests = [
+        "test",
+        "--package",
+        "rugosa-hil",
+        "--",
+        "--include-ignored",
+        "--test-threads=1",
+    ];
+    command(env!("CARGO"), &tests)
+}
+
+/// `cargo xtask firmware BOARD`: builds an image and prints where it is.
+pub fn firmware(board: &str) -> Result<()> {
+    let image = build_firmware(Board::from_name(board)?)?;
+    println!("{}", image.display());
+    Ok(())
 }
 
 /// Builds the core crates for a Cortex-M4F, with no features.
@@ -81,20 +110,46 @@ pub fn build_core() -> Result<()> {
     run(cargo.arg("--no-default-features"))
 }
 
-/// Builds the release image of one board and returns its path.
+/// Builds the release images of one board; returns the path of the firmware's.
 pub fn build_firmware(board: Board) -> Result<PathBuf> {
-    build_image(board, board.name())
+    let mut cargo = firmware_cargo(board)?;
+    run(cargo.args(["--package", board.name(), "--bins"]))?;
+    Ok(images(board).join(board.name()))
 }
 
-/// Builds one binary of a board's crate and returns its path.
-pub fn build_image(board: Board, image: &str) -> Result<PathBuf> {
-    let mut cargo =
-        Toolchain::find(board.target())?.cargo(board.target(), &root().join("firmware"));
-    run(cargo.args(["--package", board.name(), "--bin", image]))?;
-    Ok(target_dir()
-        .join(board.target())
-        .join("release")
-        .join(image))
+/// Builds the on-target tests and puts them beside the firmware's image as `numerics`.
+fn build_on_target_tests() -> Result<()> {
+    let board = Board::Mps2An386;
+    let mut cargo = firmware_cargo(board)?;
+    cargo.args(["--package", board.name(), "--test", "numerics"]);
+    let output = cargo
+        .arg("--message-format=json")
+        .stderr(Stdio::inherit())
+        .output()?;
+    if !output.status.success() {
+        bail!("{cargo:?} failed with {}", output.status);
+    }
+    let image = executable(&output.stdout, "numerics").context("cargo names no executable")?;
+    std::fs::copy(image, images(board).join("numerics"))?;
+    Ok(())
+}
+
+/// The executable of this name in cargo's messages.
+fn executable(messages: &[u8], name: &str) -> Option<PathBuf> {
+    let messages = messages.split(|&byte| byte == b'\n');
+    let parsed = messages.filter_map(|line| serde_json::from_slice::<Value>(line).ok());
+    let mut named = parsed.filter(|message| message["target"]["name"] == name);
+    named.find_map(|message| message["executable"].as_str().map(PathBuf::from))
+}
+
+fn firmware_cargo(board: Board) -> Result<Command> {
+    let toolchain = Toolchain::find(board.target())?;
+    Ok(toolchain.cargo(board.target(), &root().join("firmware")))
+}
+
+/// Where the images of a board are.
+fn images(board: Board) -> PathBuf {
+    target_dir().join(board.target()).join("release")
 }
 
 /// Installs the emulator where that is possible; says what is missing where not.

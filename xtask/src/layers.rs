@@ -23,8 +23,19 @@ const ALLOWED: &[(&str, &[&str])] = &[
     // the simulator has its own beam geometry, so that a sign error cannot cancel itself
     ("rugosa-hil-sim", &["rugosa-wire", "rugosa-fractal"]),
     (
+        "rugosa-hil",
+        &[
+            "rugosa",
+            "rugosa-wire",
+            "rugosa-grid",
+            "rugosa-hil-sim",
+            "rugosa-numerics",
+        ],
+    ),
+    (
         "rugosa-host",
         &[
+            "rugosa-hil",
             "rugosa",
             "rugosa-wire",
             "rugosa-grid",
@@ -36,6 +47,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     (
         "rugosa-tests",
         &[
+            "rugosa-hil",
             "rugosa",
             "rugosa-wire",
             "rugosa-grid",

@@ -4,7 +4,6 @@
 //! cannot be had is *skipped*, which is said again in the last lines; with the
 //! environment variable `CI` set a skipped step is a failure.
 
-#[allow(dead_code)] // the images of firmware/ come next
 mod bare_metal;
 mod layers;
 mod steps;
@@ -21,11 +20,25 @@ cargo xtask COMMAND
   unit            cargo test of the host workspace
   doc             API documentation builds without a warning
   bare-metal      the no_std crates build for a Cortex-M4F
+  hil             the firmware in the emulator agrees with the host in every bit
 
-Several commands may be given: cargo xtask fmt lint";
+Several commands may be given: cargo xtask fmt lint
+
+  firmware BOARD  builds the image of a board and says where it is";
 
 fn main() -> ExitCode {
     let names: Vec<String> = std::env::args().skip(1).collect();
+    if let [first, board] = &names[..]
+        && first == "firmware"
+    {
+        return match bare_metal::firmware(board) {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(error) => {
+                eprintln!("{error:#}");
+                ExitCode::FAILURE
+            }
+        };
+    }
     match steps::selected(&names) {
         Some(steps) if !steps.is_empty() => steps::run(&steps),
         _ => {

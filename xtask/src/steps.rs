@@ -10,7 +10,6 @@ pub enum Outcome {
     /// it passed
     Passed,
     /// it could not be tried, and why
-    #[allow(dead_code)]
     Skipped(String),
 }
 
@@ -44,6 +43,10 @@ const STEPS: &[Step] = &[
     Step {
         name: "bare-metal",
         run: bare_metal::step,
+    },
+    Step {
+        name: "hil",
+        run: bare_metal::hil,
     },
 ];
 

@@ -8,6 +8,9 @@ use heapless::Vec;
 
 use crate::message::{MAX_ECHO, Message};
 
+/// Number of the parameter that makes a module do nothing for so many seconds, as if a
+/// stage took that long.
+pub const STALL: u8 = 253;
 /// Number of the parameter that makes a module panic when it is set: it says so in its
 /// log, counts and starts afresh.
 pub const PANIC: u8 = 254;

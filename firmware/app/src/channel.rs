@@ -67,10 +67,8 @@ impl Channel {
 
     /// Hands over as much as the port takes without waiting.
     pub fn flush(&mut self, port: &mut impl Port) {
-        let room = port.room().min(self.unsent.len());
-        let piece = &self.output[self.unsent.start..self.unsent.start + room];
-        if !piece.is_empty() {
-            self.unsent.start += port.write(piece).unwrap_or(0);
+        if !self.unsent.is_empty() {
+            self.unsent.start += port.try_write(&self.output[self.unsent.clone()]);
         }
     }
 

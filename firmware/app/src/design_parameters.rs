@@ -9,13 +9,13 @@ pub const PORTS: usize = 2;
 pub const CHUNK: usize = 256;
 
 /// Scan lines that may be under way to us or wait in the receive queue.
-pub const LINES_GRANTED: u16 = 6;
+pub const LINES_GRANTED: u16 = 3;
 
 /// Bytes of poses and the like that may come with each line.
 const BESIDE_A_LINE: usize = 128;
 
 /// Bytes a board's receive queue must hold: lines can then never overrun it. The next
-/// power of two is 8192.
+/// power of two is 4096.
 pub const RECEIVE_QUEUE: usize = LINES_GRANTED as usize * (MAX_FRAME + BESIDE_A_LINE);
 
 /// Time between two status messages while nothing happens.
@@ -25,5 +25,11 @@ pub const STATUS_US: u64 = 1_000_000;
 /// spreads them further, since a patch is made only when the last one is on its way.
 pub const PATCH_US: u64 = 5_000;
 
-/// The map: 65 × 65 cells, 6.5 m square at the default resolution.
-pub type Map = rugosa::Planes65;
+/// Cells of the map along an edge: 6.5 m at the default resolution.
+pub const SIDE: usize = 65;
+
+/// Most columns of a scanner.
+pub const COLUMNS: usize = rugosa::memory::COLUMNS;
+
+/// Most lines of a scanner.
+pub const LINES: usize = 256;

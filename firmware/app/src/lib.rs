@@ -1,6 +1,6 @@
 //! The firmware of rugosa, apart from the board.
 //!
-//! A board implements [`Platform`] and calls [`run`] with memory for the map. The app
+//! A board implements [`Platform`] and calls [`run`]. The app
 //! has no heap, waits for nobody, and is made of the same crates as the host's tools:
 //! what it maps is bit for bit what they map from the same bytes.
 #![no_std]
@@ -9,17 +9,18 @@
 pub mod channel;
 pub mod design_parameters;
 pub mod mapping;
+pub mod memory;
 pub mod module;
 pub mod platform;
 pub mod report;
 
-use design_parameters::{LINES_GRANTED, Map, RECEIVE_QUEUE};
+use design_parameters::{LINES_GRANTED, RECEIVE_QUEUE};
 use module::Module;
 use platform::Platform;
 use rugosa::{Config, Mapper};
 
 /// Runs for ever.
-pub fn run<P: Platform>(platform: P, map: &'static mut Map) -> ! {
+pub fn run<P: Platform>(platform: P) -> ! {
     let restarts = platform.restarts();
     let (watchdog, panic, command) = (restarts.watchdog, restarts.panic, restarts.command);
     defmt::info!(
@@ -33,17 +34,16 @@ pub fn run<P: Platform>(platform: P, map: &'static mut Map) -> ! {
         panic,
         command
     );
-    let bytes = size_of_val(map);
-    match Mapper::new(Config::default(), map.lend()) {
+    match Mapper::new(Config::default(), memory::take()) {
         Ok(mapper) => {
-            print(&platform, &mapper, bytes);
+            print(&platform, &mapper);
             Module::new(platform, mapper).run()
         }
         Err(_) => panic!("the map's memory does not fit its parameters"),
     }
 }
 
-fn print<P: Platform>(platform: &P, mapper: &Mapper, bytes: usize) {
+fn print<P: Platform>(platform: &P, mapper: &Mapper) {
     let side = mapper.window().side();
     let resolution = mapper.config().resolution;
     defmt::info!(
@@ -51,7 +51,7 @@ fn print<P: Platform>(platform: &P, mapper: &Mapper, bytes: usize) {
         side,
         side,
         resolution,
-        bytes
+        memory::BYTES
     );
     defmt::info!(
         "receive queue {=usize} bytes, {=u16} lines granted",

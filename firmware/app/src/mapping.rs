@@ -61,7 +61,7 @@ impl Costs {
 struct Stages<'p, P> {
     platform: &'p P,
     last: u32,
-    costs: [u32; 2],
+    costs: [u32; 4],
 }
 
 impl<'p, P: Platform> Stages<'p, P> {
@@ -69,7 +69,7 @@ impl<'p, P: Platform> Stages<'p, P> {
         Stages {
             platform,
             last: platform.count(),
-            costs: [0; 2],
+            costs: [0; 4],
         }
     }
 
@@ -78,6 +78,8 @@ impl<'p, P: Platform> Stages<'p, P> {
         let index = match stage {
             Stage::Counters => 0,
             Stage::Roughness => 1,
+            Stage::Reconstruction => 2,
+            Stage::Traversability => 3,
         };
         self.costs[index] = self.platform.cost(count.wrapping_sub(self.last));
         self.last = count;
@@ -85,7 +87,10 @@ impl<'p, P: Platform> Stages<'p, P> {
 
     fn enter(&self, mapper: &mut Mapper) {
         let counters = mapper.counters_mut();
-        counters.set(counter::COST_COUNTERS, self.costs[0]);
-        counters.set(counter::COST_ROUGHNESS, self.costs[1]);
+        let [pairs, roughness, reconstruction, traversability] = self.costs;
+        counters.set(counter::COST_COUNTERS, pairs);
+        counters.set(counter::COST_ROUGHNESS, roughness);
+        counters.set(counter::COST_RECONSTRUCTION, reconstruction);
+        counters.set(counter::COST_TRAVERSABILITY, traversability);
     }
 }

@@ -15,6 +15,11 @@ use rugosa_wire::{
     Ack, Configure, Event, Frame, Hello, Message, Role, Verdict, capability, self_test,
 };
 
+const CAPABILITIES: u32 = capability::FLOW_CONTROL
+    | capability::ROUGHNESS
+    | capability::RECONSTRUCTION
+    | capability::TRAVERSABILITY;
+
 /// The whole state of the firmware.
 pub struct Module<'m, P: Platform> {
     platform: P,
@@ -28,7 +33,7 @@ impl<'m, P: Platform> Module<'m, P> {
     /// A module on `platform`.
     pub fn new(mut platform: P, mapper: Mapper<'m>) -> Self {
         let mut hello = Hello::new(Role::Module, P::NAME, env!("CARGO_PKG_VERSION"));
-        hello.capabilities = capability::FLOW_CONTROL | capability::ROUGHNESS;
+        hello.capabilities = CAPABILITIES;
         hello.map_side = mapper.window().side() as u16;
         hello.resolution_um = (mapper.config().resolution * 1e6) as u32;
         let session = platform.session();
@@ -128,7 +133,7 @@ impl<'m, P: Platform> Module<'m, P> {
     }
 
     fn configure(&mut self, side: usize, sequence: u16, configure: &Configure) {
-        let test = [self_test::PANIC, self_test::HANG].contains(&configure.parameter);
+        let test = (self_test::STALL..=self_test::HANG).contains(&configure.parameter);
         let verdict = if test {
             Verdict::Accepted
         } else {
@@ -136,9 +141,18 @@ impl<'m, P: Platform> Module<'m, P> {
         };
         self.acknowledge(side, sequence, verdict);
         match configure.parameter {
+            self_test::STALL => self.stall(configure.value),
             self_test::PANIC => panic!("as asked for"),
             self_test::HANG => hang(),
             _ => {}
+        }
+    }
+
+    /// As if a stage took so long: alive, but deaf.
+    fn stall(&mut self, seconds: f32) {
+        let end = self.platform.now_us() + (seconds * 1e6) as u64;
+        while self.platform.now_us() < end {
+            self.platform.feed_watchdog();
         }
     }
 

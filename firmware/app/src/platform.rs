@@ -1,12 +1,12 @@
 //! What the app asks of a board.
 
 use crate::design_parameters::PORTS;
-use embedded_io::{Read, ReadReady, Write};
+use embedded_io::{Read, ReadReady};
 
 /// A serial port with queues in both directions.
-pub trait Port: Read + ReadReady + Write {
-    /// Bytes that can be written now without waiting.
-    fn room(&self) -> usize;
+pub trait Port: Read + ReadReady {
+    /// Takes as many of the bytes as it can without waiting and says how many that are.
+    fn try_write(&mut self, bytes: &[u8]) -> usize;
     /// Received bytes that were dropped because nobody had read the ones before.
     fn dropped(&self) -> u32;
     /// Most bytes that have waited to be read.
@@ -31,7 +31,7 @@ pub trait Platform {
     fn cost(&self, counts: u32) -> u32;
     /// Sleeps until a byte has come in, some ten milliseconds at most.
     fn sleep(&mut self);
-    /// Still alive; the processor is reset when this is not heard for a second.
+    /// Still alive; the processor is reset when this is not heard for some seconds.
     fn feed_watchdog(&mut self);
     /// Most bytes of stack that were in use so far.
     fn stack_high_water(&self) -> u32;

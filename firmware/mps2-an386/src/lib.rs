@@ -3,8 +3,6 @@
 #![no_std]
 
 pub mod register;
-pub mod reset;
-pub mod stack;
 pub mod timer;
 pub mod uart;
 pub mod watchdog;
@@ -13,6 +11,7 @@ use cortex_m::peripheral::Peripherals;
 use defmt_semihosting as _;
 use rugosa_app::design_parameters::PORTS;
 use rugosa_app::platform::{Platform, Port, Restarts};
+use rugosa_support::{reset, stack};
 use semihosting::sys::arm_compat::sys_time;
 use timer::Clock;
 use uart::{Buffers, Uart};
@@ -45,8 +44,8 @@ impl Board {
 }
 
 impl Port for Uart {
-    fn room(&self) -> usize {
-        Uart::room(self)
+    fn try_write(&mut self, bytes: &[u8]) -> usize {
+        Uart::try_write(self, bytes)
     }
 
     fn dropped(&self) -> u32 {

@@ -2,8 +2,8 @@
 //!
 //! Received bytes go into a queue as on any small part: there is no hardware flow
 //! control, so a byte that finds the queue full is dropped and counted. Bytes to be
-//! sent wait in a second queue that the transmit interrupt empties; [`Uart`] never
-//! waits for a slow listener unless it is told to write more than there is room for.
+//! sent wait in a second queue that the transmit interrupt empties; nothing ever waits
+//! for a slow listener.
 //!
 //! QEMU's model of this UART delivers one byte, and then forgets to ask for the next
 //! one after it was read; [`timer::wake_port`] makes up for that.
@@ -15,14 +15,14 @@ use core::sync::atomic::{AtomicU32, Ordering};
 use cortex_m::interrupt::InterruptNumber;
 use cortex_m::{interrupt::Mutex, peripheral::NVIC};
 use cortex_m_rt::exception;
-use embedded_io::{ErrorType, Read, ReadReady, Write, WriteReady};
+use embedded_io::{ErrorType, Read, ReadReady};
 use heapless::spsc::{Consumer, Producer, Queue};
 use rugosa_app::design_parameters::{self, PORTS};
 
 /// Bytes that can wait to be read, per port.
 pub const RECEIVE_QUEUE: usize = design_parameters::RECEIVE_QUEUE.next_power_of_two();
 /// Bytes that can wait to be sent, per port.
-pub const TRANSMIT_QUEUE: usize = 4096;
+pub const TRANSMIT_QUEUE: usize = 1024;
 
 const TRANSMIT_FULL: u32 = 1;
 const RECEIVE_FULL: u32 = 2;
@@ -146,9 +146,14 @@ impl Uart {
         self.received.ready()
     }
 
-    /// Bytes that can be written without waiting.
-    pub fn room(&self) -> usize {
-        self.sending.capacity() - self.sending.len()
+    /// Queues as many bytes as there is room for.
+    pub fn try_write(&mut self, bytes: &[u8]) -> usize {
+        let taken = bytes
+            .iter()
+            .take_while(|&&byte| self.sending.enqueue(byte).is_ok());
+        let taken = taken.count();
+        NVIC::pend(transmit_line(self.port));
+        taken
     }
 }
 
@@ -179,35 +184,6 @@ impl Read for Uart {
             length += 1;
         }
         Ok(length)
-    }
-}
-
-impl WriteReady for Uart {
-    fn write_ready(&mut self) -> Result<bool, Infallible> {
-        Ok(self.sending.ready())
-    }
-}
-
-impl Write for Uart {
-    fn write(&mut self, buffer: &[u8]) -> Result<usize, Infallible> {
-        let taken = buffer
-            .iter()
-            .take_while(|&&b| self.sending.enqueue(b).is_ok())
-            .count();
-        NVIC::pend(transmit_line(self.port));
-        if taken == 0 && !buffer.is_empty() {
-            cortex_m::asm::wfi();
-            return self.write(buffer);
-        }
-        Ok(taken)
-    }
-
-    fn flush(&mut self) -> Result<(), Infallible> {
-        while self.sending.len() > 0 {
-            NVIC::pend(transmit_line(self.port));
-            cortex_m::asm::wfi();
-        }
-        Ok(())
     }
 }
 

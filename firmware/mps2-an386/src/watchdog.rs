@@ -1,9 +1,11 @@
-//! The CMSDK watchdog: resets the processor when it is not fed for a second.
+//! The CMSDK watchdog: resets the processor when it is not fed for eight seconds, longer
+//! than all that follows a sweep.
 //!
-//! Its first expiry raises an interrupt that is not enabled here, the second one, a
-//! period later, resets.
+//! Its first expiry raises the non-maskable interrupt, the second one, a period later,
+//! resets.
 
 use crate::{register::Register, timer::CLOCK_HZ};
+use cortex_m_rt::exception;
 
 // SAFETY: CMSDK APB watchdog, Arm DAI0386 table 3-2
 const LOAD: Register = unsafe { Register::at(0x4000_8000) };
@@ -16,9 +18,13 @@ const COUNT_AND_RESET: u32 = 0b11;
 
 /// Starts it.
 pub fn start() {
-    LOAD.write(CLOCK_HZ / 2);
+    LOAD.write(4 * CLOCK_HZ);
     CONTROL.write(COUNT_AND_RESET);
 }
+
+/// The warning before the reset; whoever hangs does not hear it.
+#[exception]
+unsafe fn NonMaskableInt() {}
 
 /// Starts its period afresh.
 pub fn feed() {

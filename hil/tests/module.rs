@@ -1,0 +1,259 @@
+//! The firmware in the emulator against its twin on the host.
+//!
+//! Needs QEMU and the image; `cargo xtask hil` builds it and runs these.
+
+use anyhow::Result;
+use rugosa_hil::{Bench, Log, Scene, Settings, Summary, image};
+use rugosa_hil_sim::faults::Faults;
+use rugosa_hil_sim::qemu::{Emulator, EmulatorSettings, Exit};
+use rugosa_numerics::CHECKS;
+use rugosa_wire::{Configure, Message, Verdict, counter, self_test};
+use std::time::Duration;
+
+const LONG: Duration = Duration::from_secs(240);
+const SCENE: Scene = Scene {
+    lines: 48,
+    columns: 48,
+    sweeps: 4,
+    speed: 0.8,
+    seed: 7,
+};
+
+fn bench(scene: Scene, to_module: Faults) -> Result<Bench<impl Iterator<Item = Message>>> {
+    let (description, messages) = scene.messages()?;
+    let settings = Settings {
+        image: image("mps2-an386")?,
+        to_module,
+        from_module: Faults::default(),
+    };
+    let mut bench = Bench::start(settings, description, messages)?;
+    bench.connect()?;
+    Ok(bench)
+}
+
+fn run(scene: Scene, faults: Faults) -> Result<Summary> {
+    let mut bench = bench(scene, faults)?;
+    bench.finish(LONG)?;
+    let summary = bench.summary();
+    assert_eq!(summary.parity.differences, [""; 0], "{summary:#?}");
+    assert!(summary.parity.equal, "{summary:#?}");
+    Ok(summary)
+}
+
+#[test]
+#[ignore = "cargo xtask hil"]
+fn on_a_perfect_line_nothing_is_lost_and_every_bit_agrees() -> Result<()> {
+    let summary = run(SCENE, Faults::default())?;
+    assert_eq!(summary.lines.sent, 4 * 48);
+    assert_eq!(summary.lines.received, summary.lines.sent);
+    assert_eq!((summary.lines.lost, summary.lines.rejected), (0, 0));
+    assert_eq!(summary.parity.sweeps, 4);
+    assert!(summary.counters["map.moves"] > 0, "the robot has walked");
+    assert!(
+        summary.counters["returns.used"] > 4 * 48 * 12,
+        "{summary:#?}"
+    );
+    assert!(summary.parity.values > 4_000, "{}", summary.parity.values);
+    assert_eq!(summary.restarts, 0);
+    Ok(())
+}
+
+#[test]
+#[ignore = "cargo xtask hil"]
+fn faults_of_the_line_lose_lines_and_corrupt_none() -> Result<()> {
+    let errors = |bit_error_rate| Faults {
+        bit_error_rate,
+        seed: 5,
+        ..Faults::default()
+    };
+    let drops = Faults {
+        drop_rate: 0.01,
+        seed: 6,
+        ..Faults::default()
+    };
+    let doubles = Faults {
+        duplicate_rate: 0.001,
+        seed: 8,
+        ..Faults::default()
+    };
+    // least and most of 192 lines that may be lost: 100 bytes a line
+    for (name, faults, least, most) in [
+        ("1e-6", errors(1e-6), 0, 4),
+        ("1e-5", errors(1e-5), 0, 16),
+        ("1e-4", errors(1e-4), 4, 60),
+        ("1e-3", errors(1e-3), 80, 192),
+        ("doubled bytes", doubles, 4, 80),
+        ("1 % lost bytes", drops, 80, 192),
+    ] {
+        let summary = run(SCENE, faults)?;
+        let lost = summary.lines.lost + summary.lines.rejected;
+        eprintln!(
+            "{name}: {} lines lost, {} rejected",
+            summary.lines.lost, summary.lines.rejected
+        );
+        assert!((least..=most).contains(&lost), "{name}: {summary:#?}");
+    }
+    Ok(())
+}
+
+#[test]
+#[ignore = "cargo xtask hil"]
+fn after_a_second_without_a_cable_it_goes_on() -> Result<()> {
+    let mut bench = bench(SCENE, Faults::default())?;
+    bench.until("half of the lines", LONG, |b| b.feeder.lines > 96)?;
+    bench.is_plugged = false;
+    bench.for_a_while(Duration::from_secs(1))?;
+    bench.is_plugged = true;
+    bench.finish(LONG)?;
+    let summary = bench.summary();
+    assert!(summary.parity.equal, "{summary:#?}");
+    assert!(summary.lines.lost < 30, "{summary:#?}");
+    assert_eq!(summary.counters["sweeps"], 4);
+    Ok(())
+}
+
+#[test]
+#[ignore = "cargo xtask hil"]
+fn after_a_reset_in_the_middle_of_a_sweep_it_maps_what_follows() -> Result<()> {
+    let mut bench = bench(SCENE, Faults::default())?;
+    bench.until("half of a sweep", LONG, |b| b.feeder.lines > 72)?;
+    let session = bench.feeder.module_session();
+    bench.emulator.reset()?;
+    bench.until("a new session", LONG, |b| {
+        b.feeder.module_session() != session
+    })?;
+    bench.finish(LONG)?;
+    let summary = bench.summary();
+    assert!(summary.parity.equal, "{summary:#?}");
+    assert_eq!(
+        summary.counters["restarts.watchdog"], 1,
+        "the reset line counts as that"
+    );
+    assert!(summary.counters["sweeps"] >= 2, "{summary:#?}");
+    Ok(())
+}
+
+#[test]
+#[ignore = "cargo xtask hil"]
+fn a_host_that_does_not_read_for_five_seconds_costs_nothing() -> Result<()> {
+    let mut bench = bench(SCENE, Faults::default())?;
+    bench.is_listening = false;
+    bench.for_a_while(Duration::from_secs(5))?;
+    bench.is_listening = true;
+    bench.finish(LONG)?;
+    let summary = bench.summary();
+    assert!(summary.parity.equal, "{summary:#?}");
+    assert_eq!((summary.lines.lost, summary.lines.rejected), (0, 0));
+    Ok(())
+}
+
+#[test]
+#[ignore = "cargo xtask hil"]
+fn bytes_that_find_the_queue_full_are_counted() -> Result<()> {
+    let mut bench = bench(Scene { sweeps: 2, ..SCENE }, Faults::default())?;
+    bench.until("one sweep", LONG, |b| {
+        b.listener.sweeps() == 1 || b.feeder.sweeps == 1
+    })?;
+    // a module that is busy for two seconds, and a scanner that does not care
+    bench.listener.request(configure(self_test::STALL, 2.0));
+    bench.until("the answer", LONG, |b| !b.listener.acks.is_empty())?;
+    for index in 0..600 {
+        let filler = [index as u8; 64].into_iter().collect();
+        bench.feeder.push(Message::Sink { index, filler });
+    }
+    bench.finish(LONG)?;
+    let summary = bench.summary();
+    let delivered = bench.injected()[0].bytes_out as u32;
+    let [read, overrun] = ["link.bytes", "link.overrun"].map(|name| summary.counters[name]);
+    assert!(overrun > 10_000, "{summary:#?}");
+    assert_eq!(read + overrun, delivered, "every byte is one or the other");
+    assert_eq!(
+        summary
+            .parity
+            .differences
+            .iter()
+            .filter(|d| d.starts_with("map"))
+            .count(),
+        0
+    );
+    assert!(
+        summary.counters["sweeps"] >= 2,
+        "it has recovered: {summary:#?}"
+    );
+    Ok(())
+}
+
+#[test]
+#[ignore = "cargo xtask hil"]
+fn a_panic_and_a_hang_are_counted_and_end_in_a_clean_session() -> Result<()> {
+    let mut bench = bench(Scene { sweeps: 1, ..SCENE }, Faults::default())?;
+    for (parameter, name) in [(self_test::PANIC, "panic"), (self_test::HANG, "watchdog")] {
+        let session = bench.feeder.module_session();
+        bench.listener.request(configure(parameter, 1.0));
+        bench.until(name, LONG, |b| b.feeder.module_session() != session)?;
+        bench.connect()?;
+    }
+    bench.until("a status", LONG, |b| {
+        b.listener.counter(counter::RESTARTS) == 2
+    })?;
+    assert_eq!(bench.listener.counter(counter::PANICS), 1);
+    assert_eq!(bench.listener.counter(counter::WATCHDOGS), 1);
+    let panic = bench
+        .entries
+        .iter()
+        .find(|e| e.text.starts_with("panic at"));
+    let place = panic.map(|e| e.text.clone()).unwrap_or_default();
+    assert!(place.contains("module.rs"), "{:#?}", bench.entries);
+    Ok(())
+}
+
+#[test]
+#[ignore = "cargo xtask hil"]
+fn parameters_are_checked_and_self_tests_answered() -> Result<()> {
+    let mut bench = bench(Scene { sweeps: 1, ..SCENE }, Faults::default())?;
+    for (parameter, value) in [(2, 4.0), (2, f32::NAN), (0, 0.2), (99, 1.0)] {
+        bench.listener.request(configure(parameter, value));
+    }
+    bench
+        .listener
+        .request(Message::Echo([1, 0, 2, 0, 0].into_iter().collect()));
+    bench.listener.request(Message::Source { count: 500 });
+    bench.until("500 sinks", LONG, |b| b.listener.sinks == 500)?;
+    let verdicts: Vec<_> = bench.listener.acks.iter().map(|ack| ack.verdict).collect();
+    use Verdict::{Accepted, OutOfRange, UnknownParameter, Unsupported};
+    assert_eq!(
+        verdicts,
+        [Accepted, OutOfRange, Unsupported, UnknownParameter]
+    );
+    assert_eq!(bench.listener.echoes, [[1, 0, 2, 0, 0]]);
+    bench.until("counters", LONG, |b| {
+        b.listener.counter(counter::CONFIGURE_REFUSED) == 3
+    })?;
+    assert_eq!(bench.listener.counter(counter::CONFIGURE_ACCEPTED), 1);
+    Ok(())
+}
+
+fn configure(parameter: u8, value: f32) -> Message {
+    Message::Configure(Configure { parameter, value })
+}
+
+#[test]
+#[ignore = "cargo xtask hil"]
+fn the_numerics_on_the_target_have_the_fingerprints_of_the_host() -> Result<()> {
+    let image = image("numerics")?;
+    let mut log = Log::of(&image)?;
+    let mut emulator = Emulator::start(EmulatorSettings {
+        image,
+        instructions_ns: Some(3),
+        ..EmulatorSettings::default()
+    })?;
+    let exit = emulator.wait(LONG)?;
+    emulator.kill()?;
+    let entries = log.take(&emulator.take_log().0);
+    assert_eq!(exit, Exit::Code(0), "{entries:#?}");
+    let passed = |name: &str| entries.iter().any(|entry| entry.text.starts_with(name));
+    for check in CHECKS {
+        assert!(passed(check.name), "{}: {entries:#?}", check.name);
+    }
+    Ok(())
+}
