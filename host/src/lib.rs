@@ -17,5 +17,6 @@ pub mod layers;
 pub mod link;
 pub mod offline;
 pub mod planes;
+pub mod reconstruct;
 pub mod recording;
 pub mod windows;

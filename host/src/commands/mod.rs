@@ -17,6 +17,7 @@ pub mod ifs;
 pub mod info;
 pub mod man;
 pub mod map;
+pub mod reconstruct;
 pub mod record;
 pub mod replay;
 pub mod roughness;
@@ -25,6 +26,7 @@ pub mod send;
 pub mod session;
 pub mod simulate;
 pub mod simulation;
+pub mod synthesize;
 
 use crate::console::Console;
 use crate::error::Result;
@@ -62,6 +64,10 @@ pub enum Command {
     Decompress(compress::DecompressArgs),
     /// Say what a file holds
     Info(info::Args),
+    /// A full surface from sparse points or a raster with holes
+    Reconstruct(reconstruct::Args),
+    /// A fractional Brownian surface of a given dimension
+    Synthesize(synthesize::Args),
     /// Print or check the configuration
     Config(config::Args),
     /// Say which ports, permissions, tools and versions there are
@@ -89,6 +95,8 @@ pub fn run(command: &Command, console: &Console) -> Result<()> {
         Command::Compress(args) => compress::run(args, console),
         Command::Decompress(args) => compress::run_decompress(args, console),
         Command::Info(args) => info::run(args, console),
+        Command::Reconstruct(args) => reconstruct::run(args, console),
+        Command::Synthesize(args) => synthesize::run(args, console),
         Command::Config(args) => config::run(args, console),
         Command::Doctor(args) => doctor::run(args, console),
         Command::Completions(args) => completions::run(args, console),
