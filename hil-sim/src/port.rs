@@ -40,6 +40,10 @@ const PATIENCE: Duration = Duration::from_millis(250);
 /// The kernel has passed on by now what was written before.
 const SETTLED: Duration = Duration::from_millis(30);
 const CHUNK: usize = 1024;
+/// On a paced line bytes are carried in bursts, as by the FIFO of a UART: the thread
+/// sleeps between them.
+const BURST: usize = 128;
+const NAP: Duration = Duration::from_millis(1);
 
 /// One end of a cable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -296,8 +300,9 @@ impl Way {
     }
 
     fn room(&self, now: Duration) -> usize {
-        match self.arrived.len() < CHUNK {
-            true => self.line.room(now).min(CHUNK),
+        let room = self.line.room(now).min(CHUNK);
+        match self.arrived.len() < CHUNK && room >= BURST {
+            true => room,
             false => 0,
         }
     }
@@ -345,7 +350,7 @@ impl Pump {
     fn wait(&self) {
         let now = self.clock.now();
         let due = self.ways.iter().filter_map(|way| way.line.next_due()).min();
-        let timeout = due.map_or(TICK, |due| due.saturating_sub(now).min(TICK));
+        let timeout = due.map_or(TICK, |due| due.saturating_sub(now).clamp(NAP, TICK));
         let timeout = Timespec {
             tv_sec: 0,
             tv_nsec: timeout.as_nanos() as _,

@@ -1,9 +1,12 @@
 //! System tests of rugosa: what they share.
 
+pub mod real_scan;
+pub mod virtual_port;
+
 use std::path::PathBuf;
 
 /// The folder of real recordings and elevation models that some tests read, if there is
-/// one: `$RUGOSA_DATA`, else `../shared/data` beside the checkout. They are not part of
+/// one: `$RUGOSA_DATA`, else `shared/data` beside the checkout. They are not part of
 /// the project; a test that cannot find them says so loudly through [`skip`].
 pub fn data_dir() -> Option<PathBuf> {
     let beside = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
