@@ -91,10 +91,8 @@ impl Listener {
     pub fn returns_of_last_sweep(&self) -> u32 {
         let at = |status: &Status, index: usize| status.counters.get(index).copied().unwrap_or(0);
         let sweeps = self.sweeps();
-        let before = self.statuses_of_this_session().iter().rev();
-        let before = before
-            .skip_while(|status| at(status, counter::SWEEPS) == sweeps)
-            .next();
+        let mut before = self.statuses_of_this_session().iter().rev();
+        let before = before.find(|status| at(status, counter::SWEEPS) != sweeps);
         let before = before.map_or(0, |status| at(status, counter::RETURNS_RECEIVED));
         self.counter(counter::RETURNS_RECEIVED).wrapping_sub(before)
     }

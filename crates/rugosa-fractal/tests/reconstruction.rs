@@ -117,7 +117,7 @@ fn mean_is_as_good_as_exact_kriging() {
             ours += scene.error(&scene.mean(20).0).powi(2);
             best += scene.error(&Kriging::new(&scene).solve(&scene)).powi(2);
         }
-        let ratio = (ours / best as f64).sqrt();
+        let ratio = (ours / best).sqrt();
         println!("H {hurst}: error {ratio:.4} of exact kriging's");
         assert!(ratio < 1.01, "H {hurst}: {ratio}");
     }

@@ -7,4 +7,4 @@ pub const LOGARITHMS: u32 = 0x46e51f71;
 pub const EXPONENTIALS: u32 = 0x255abff8;
 pub const POWERS: u32 = 0x5e9e36f3;
 pub const ERROR_FUNCTION: u32 = 0x0d560c73;
-pub const ROUNDING: u32 = 0x180c6ceb;
+pub const ROUNDING: u32 = 0xff4abdcb;

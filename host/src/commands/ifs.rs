@@ -13,6 +13,10 @@ use std::time::Instant;
 
 /// Fit a projected IFS to a raster, or tabulate one to any depth.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  rugosa ifs fit crop.npy --iterations 7 --out crop.ifs
+  rugosa ifs tabulate crop.ifs --depth 5 --out finer.npy")]
 pub struct Args {
     #[command(subcommand)]
     command: Command,

@@ -141,7 +141,6 @@ fn stated_errors_are_right_within_30_percent() {
         trend: Trend::Keep,
         ..Settings::new(RESOLUTION, STEP)
     };
-    let mut worst: f64 = 1.0;
     for hurst in [0.1, 0.3, 0.5, 0.7, 0.9] {
         let surfaces = surfaces(hurst);
         for (seen, noise) in [(1.0, 0.0), (0.3, 0.02), (0.1, 0.0)] {
@@ -163,7 +162,6 @@ fn stated_errors_are_right_within_30_percent() {
             assert!(failed <= 2);
         }
     }
-    assert!(worst < 1.43, "stated and true error differ by {worst:.2}");
 }
 
 #[test]
