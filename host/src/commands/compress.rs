@@ -90,7 +90,7 @@ pub fn factor(levels: u32) -> u32 {
 /// How well one raster stands for another.
 #[derive(Clone, Copy, Debug)]
 pub struct Quality {
-    /// 20 lg (relief of the original / rms error) [dB]; `None` where nothing differs
+    /// 20 lg (relief of the original / rms error) \[dB\]; `None` where nothing differs
     pub psnr: Option<f64>,
     /// largest difference \[m\]
     pub max_error: f64,

@@ -7,7 +7,7 @@
 //! (test `rows_equal_single_pairs`): integer sums do not depend on their order.
 //!
 //! Elevations are taken relative to the block's lowest one. Where the relief of the block
-//! exceeds [`RELIEF_LIMIT`] height steps the 32-bit partial sums might overflow and the
+//! exceeds `RELIEF_LIMIT` height steps the 32-bit partial sums might overflow and the
 //! pairs are summed one by one instead, to the same integers.
 //!
 //! With the feature `simd` the same code is compiled twice and the wider vectors are

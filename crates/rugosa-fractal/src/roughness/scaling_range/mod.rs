@@ -19,7 +19,7 @@
 //! `scaling_range`).
 //!
 //! Offline mathematics in f64, without a heap. The on-board estimate uses its own
-//! shortened least squares, see [`estimate`](super::estimate).
+//! shortened least squares, see [`estimate()`](super::estimate()).
 
 mod elongation;
 mod fang;

@@ -4,7 +4,7 @@
 //! One doubling fills the centre of every square of known nodes (square step), then the
 //! middle of every edge (diamond step). A new node is the blend of its neighbours
 //! ([`stencil`]) plus noise of the blend's residual variance σ² h^{2H} v, h the new
-//! spacing [m]. With the right variance and weights the result has the structure function
+//! spacing \[m\]. With the right variance and weights the result has the structure function
 //! V(d) = σ² d^{2H} of the model; without noise it is the kriged mean, too smooth but
 //! with the least error.
 //!
