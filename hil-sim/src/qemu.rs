@@ -381,6 +381,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "cargo xtask hil: the emulator may stall on a busy machine"]
     fn both_ports_the_log_and_the_exit_code_come_through() {
         with_program(|mut emulator| {
             assert_eq!(hear(&emulator), b'h');
@@ -395,6 +396,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "cargo xtask hil: the emulator may stall on a busy machine"]
     fn a_reset_starts_it_again() {
         with_program(|emulator| {
             assert_eq!(hear(&emulator), b'h');
@@ -404,6 +406,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "cargo xtask hil: the emulator may stall on a busy machine"]
     fn a_dropped_emulator_leaves_no_process() {
         with_program(|emulator| {
             assert_eq!(hear(&emulator), b'h');
@@ -429,6 +432,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "cargo xtask hil: the emulator may stall on a busy machine"]
     fn a_killed_program_leaves_no_emulator() {
         if !Emulator::is_available() {
             return eprintln!("SKIPPED: {} is not installed", super::PROGRAM);

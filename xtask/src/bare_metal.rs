@@ -87,6 +87,8 @@ pub fn hil() -> Result<Outcome> {
         "test",
         "--package",
         "rugosa-hil",
+        "--package",
+        "rugosa-hil-sim",
         "--",
         "--include-ignored",
         "--test-threads=1",

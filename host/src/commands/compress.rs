@@ -59,8 +59,9 @@ enum Model {
 /// Decompress what `rugosa compress` wrote.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Example:
-  rugosa decompress dem.rz --out dem.npy --json")]
+Examples:
+  rugosa decompress dem.rz --out dem.npy
+  rugosa decompress dem.rz --out dem.asc --spacing 0.1 --json")]
 pub struct DecompressArgs {
     /// A compressed file, or the beginning of one
     file: PathBuf,
