@@ -231,7 +231,7 @@ fn fis_bytes(model: &fis::Model) -> Vec<u8> {
     for n in [model.lattice.rows, model.lattice.columns, model.tile] {
         bytes.extend((n as u32).to_le_bytes());
     }
-    bytes.extend(model.scales[0].to_le_bytes());
+    bytes.extend(model.scales.values()[0].to_le_bytes());
     bytes.extend(model.nodes.iter().flat_map(|z| z.to_le_bytes()));
     let sum = CRC.checksum(&bytes);
     bytes.extend(sum.to_le_bytes());
@@ -273,7 +273,7 @@ fn read_fis(path: &Path, bytes: &[u8]) -> Result<Raster> {
         nodes: nodes.iter().map(|b| f32::from_le_bytes(*b)).collect(),
         lattice: Shape::new(rows, columns),
         tile,
-        scales: vec![f32::from_bits(word(20))],
+        scales: fis::Scales::Constant(f32::from_bits(word(20))),
     };
     let (values, _) = model.evaluate().map_err(|e| Failure::file(path, e))?;
     let shape = model.lattice.finer(tile);

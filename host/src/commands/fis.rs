@@ -4,7 +4,9 @@ use super::compress::{Quality, read_grid, write_grid};
 use crate::console::Console;
 use crate::error::{Failure, Result};
 use crate::io::{Raster, Spacing};
-use rugosa_fractal::surfaces::rectangular::{Base, Scale, Surface, dimension, scale_for_hurst};
+use rugosa_fractal::surfaces::rectangular::{
+    Base, Equation, Scale, Surface, dimension, scale_for_hurst,
+};
 use rugosa_fractal::surfaces::{Shape, SurfaceError};
 use serde_json::json;
 use std::path::PathBuf;
@@ -15,8 +17,9 @@ use std::time::Instant;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 The last row and column must be among the nodes: sides of the form k T + 1.
---scale: a number in (-1, 1); hurst: n^-H with --hurst; best: least squares;
-tiles: least squares for every tile on a Coons base (continuous, straight tile edges).
+--scale: a number in (-1, 1); hurst: n^-H with --hurst; best: least squares, one for all;
+field: least squares, one per node, bilinear between them (continuous);
+tiles: least squares, one per tile on a Coons base (continuous, straight tile edges).
 
 Examples:
   rugosa fis dem.asc --step 8 --scale best --out surface.asc
@@ -27,7 +30,7 @@ pub struct Args {
     /// Distance of the nodes that are kept, in samples
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u32).range(1..=4096))]
     step: u32,
-    /// Vertical scale: a number, hurst, best or tiles
+    /// Vertical scale: a number, hurst, best, field or tiles
     #[arg(
         long,
         value_name = "S",
@@ -55,6 +58,8 @@ pub enum Choice {
     Hurst,
     /// least squares, one for all
     Best,
+    /// least squares, a continuous field
+    Field,
     /// least squares per tile on a Coons base
     Tiles,
 }
@@ -66,11 +71,12 @@ impl FromStr for Choice {
         match text {
             "hurst" => Ok(Choice::Hurst),
             "best" => Ok(Choice::Best),
+            "field" => Ok(Choice::Field),
             "tiles" => Ok(Choice::Tiles),
             number => match number.parse::<f32>() {
                 Ok(s) if s.abs() < 1.0 => Ok(Choice::Value(s)),
                 _ => Err(format!(
-                    "'{number}' is not hurst, best, tiles or a number in (-1, 1)"
+                    "'{number}' is not hurst, best, field, tiles or a number in (-1, 1)"
                 )),
             },
         }
@@ -85,8 +91,35 @@ pub struct Model {
     pub lattice: Shape,
     /// samples per tile
     pub tile: usize,
-    /// one scale, or one per tile
-    pub scales: Vec<f32>,
+    /// vertical scales
+    pub scales: Scales,
+}
+
+/// Vertical scales, owned.
+#[derive(Debug)]
+pub enum Scales {
+    /// the same everywhere
+    Constant(f32),
+    /// one per node, bilinear between them
+    Nodes(Vec<f32>),
+    /// one per tile, on a Coons base
+    Tiles(Vec<f32>),
+}
+
+impl Scales {
+    /// The values.
+    pub fn values(&self) -> &[f32] {
+        match self {
+            Scales::Constant(s) => std::slice::from_ref(s),
+            Scales::Nodes(s) | Scales::Tiles(s) => s,
+        }
+    }
+
+    /// Mean of |s|, which the dimension depends on: n² mean |s| = Σ |s_i|.
+    fn mean_size(&self) -> f32 {
+        let values = self.values();
+        values.iter().map(|s| s.abs()).sum::<f32>() / values.len() as f32
+    }
 }
 
 impl Model {
@@ -107,35 +140,46 @@ impl Model {
             nodes,
             lattice,
             tile: step,
-            scales: vec![0.0],
+            scales: Scales::Constant(0.0),
         };
-        let mut scratch = vec![0.0; shape.len()];
-        match choice {
-            Choice::Value(s) => model.scales = vec![s],
-            Choice::Hurst => model.scales = vec![scale_for_hurst(model.tiles_per_side(), hurst)],
-            Choice::Best => {
-                model.scales = vec![model.surface()?.best_scale(&raster.values, &mut scratch)?];
-            }
-            Choice::Tiles => {
-                let mut scales = vec![0.0; (lattice.rows - 1) * (lattice.columns - 1)];
-                let coons = model.surface()?.on(Base::Coons);
-                coons.best_tile_scales(&raster.values, &mut scratch, &mut scales)?;
-                model.scales = scales;
-            }
-        }
+        model.scales = match choice {
+            Choice::Value(s) => Scales::Constant(s),
+            Choice::Hurst => Scales::Constant(scale_for_hurst(model.tiles_per_side(), hurst)),
+            _ => model.fitted(choice, &raster.values)?,
+        };
         Ok(model)
+    }
+
+    /// The scales that fit `data` best.
+    fn fitted(&self, choice: Choice, data: &[f32]) -> Result<Scales, SurfaceError> {
+        let (flat, mut scratch) = (self.surface()?, vec![0.0; data.len()]);
+        match choice {
+            Choice::Tiles => {
+                let mut scales = vec![0.0; flat.tiles().0 * flat.tiles().1];
+                let coons = flat.on(Base::Coons);
+                coons.best_tile_scales(data, &mut scratch, &mut scales)?;
+                Ok(Scales::Tiles(scales))
+            }
+            Choice::Field => {
+                let mut scales = vec![0.0; self.nodes.len()];
+                let mut equations = vec![Equation::default(); self.nodes.len()];
+                let lent = (scratch.as_mut_slice(), equations.as_mut_slice());
+                flat.best_node_scales(data, lent, &mut scales)?;
+                Ok(Scales::Nodes(scales))
+            }
+            _ => Ok(Scales::Constant(flat.best_scale(data, &mut scratch)?)),
+        }
     }
 
     /// The surface.
     pub fn surface(&self) -> Result<Surface<'_>, SurfaceError> {
+        let (scale, base) = match &self.scales {
+            Scales::Constant(s) => (Scale::Constant(*s), Base::Corners),
+            Scales::Nodes(s) => (Scale::Nodes(s), Base::Corners),
+            Scales::Tiles(s) => (Scale::Tiles(s), Base::Coons),
+        };
         let tile = (self.tile, self.tile);
-        match self.scales.as_slice() {
-            &[s] => Surface::new(&self.nodes, self.lattice, tile, Scale::Constant(s)),
-            scales => Ok(
-                Surface::new(&self.nodes, self.lattice, tile, Scale::Tiles(scales))?
-                    .on(Base::Coons),
-            ),
-        }
+        Ok(Surface::new(&self.nodes, self.lattice, tile, scale)?.on(base))
     }
 
     /// The surface as heights, and the passes it took.
@@ -148,7 +192,7 @@ impl Model {
 
     /// Bytes of nodes and scales as f32.
     pub fn bytes(&self) -> usize {
-        4 * (self.nodes.len() + self.scales.len())
+        4 * (self.nodes.len() + self.scales.values().len())
     }
 
     /// √(n_y n_x).
@@ -182,15 +226,16 @@ pub fn run(args: &Args, console: &Console) -> Result<()> {
     let model = Model::of(&raster, step, args.scale, args.hurst).map_err(failed)?;
     let (values, passes) = model.evaluate().map_err(failed)?;
     let quality = Quality::of(&values, &raster.values);
-    let mean = model.scales.iter().sum::<f32>() / model.scales.len() as f32;
-    let fractal_dimension = dimension(model.tiles_per_side(), mean);
-    if model.scales.len() == 1 && fractal_dimension == 2.0 {
+    let scales = model.scales.values();
+    let mean = scales.iter().sum::<f32>() / scales.len() as f32;
+    let fractal_dimension = dimension(model.tiles_per_side(), model.scales.mean_size());
+    if fractal_dimension == 2.0 {
         console.note("n |s| <= 1: the surface has dimension 2, it is not fractal");
     }
     write_grid(&args.out, &Raster { values, ..raster })?;
     let object = json!({
         "psnr": quality.psnr, "bytes": model.bytes(), "max_error": quality.max_error,
-        "scale": mean, "scales": model.scales.len(), "passes": passes,
+        "scale": mean, "scales": scales.len(), "passes": passes,
         "dimension": fractal_dimension, "nodes": [model.lattice.rows, model.lattice.columns],
         "seconds": started.elapsed().as_secs_f64(),
     });

@@ -22,7 +22,7 @@
 //! - **Roughness**: with n |s| > 1 the dimension is 3 + ln|s| / ln n, so s = n^−H
 //!   ([`scale_for_hurst`]); with n |s| ≤ 1 it is 2: bilinear with a decoration.
 //!
-//! Cost: about two bilinear interpolations per sample and pass. Accuracy: rounding;
+//! Cost: in one pass under three bilinear interpolations (`evaluate.rs`). Accuracy: rounding;
 //! `tests/surfaces_rectangular.rs`.
 //!
 //! Not for: compression. The best s of real terrain gains under 0.01 dB over b, a free s
@@ -30,6 +30,11 @@
 //!
 //! Source: Drakopoulos & Manousopoulos, "One dimensional and rectangular fractal
 //! interpolation surfaces", eqs 3 and 5 (their a, b, g, c are solved by the form above).
+
+mod evaluate;
+mod least_squares;
+
+pub use least_squares::Equation;
 
 use super::{Shape, SurfaceError, check_finite, check_length};
 use rugosa_grid::math;
@@ -106,9 +111,6 @@ pub struct Surface<'a> {
     base: Base,
 }
 
-/// Beyond this many passes the surface is taken as it is (|s| > 0.98).
-const MOST_PASSES: u32 = 1000;
-
 impl<'a> Surface<'a> {
     /// A surface through `nodes` (`lattice.rows × lattice.columns`, at least 2 × 2), tiles of
     /// `tile` = (t_y, t_x) samples.
@@ -161,51 +163,6 @@ impl<'a> Surface<'a> {
     /// Tiles per axis (n_y, n_x).
     pub fn tiles(&self) -> (usize, usize) {
         (self.lattice.rows - 1, self.lattice.columns - 1)
-    }
-
-    /// Writes the surface, row by row; returns the passes it took.
-    ///
-    /// # Errors
-    /// A slice shorter than [`Surface::shape`] asks for.
-    pub fn evaluate(&self, out: &mut [f32]) -> Result<u32, SurfaceError> {
-        let shape = self.shape();
-        check_length(shape, out.len())?;
-        let (rows, columns) = self.tiles();
-        let exact = (
-            passes_to_nodes(rows, self.tile.0),
-            passes_to_nodes(columns, self.tile.1),
-        );
-        if let (Some(0..=1), Some(0..=1)) = exact {
-            (0..shape.rows).for_each(|y| self.row_from_nodes(y, out));
-            return Ok(1);
-        }
-        let passes = match exact {
-            (Some(y), Some(x)) => y.max(x),
-            _ => passes_to_rounding(self.largest_scale()),
-        };
-        self.write_bilinear(out);
-        (0..passes).for_each(|_| self.pass(out));
-        Ok(passes)
-    }
-
-    /// Writes the bilinear interpolant b of the nodes alone (s = 0).
-    pub fn write_bilinear(&self, out: &mut [f32]) {
-        let shape = self.shape();
-        for y in 0..shape.rows {
-            let row = &mut out[y * shape.columns..][..shape.columns];
-            let (node, v) = self.split(y, 0);
-            for tile in 0..self.tiles().1 {
-                let (left, right) = self.edges(node, v, tile);
-                let slope = (right - left) / self.tile.1 as f32;
-                for (k, out) in row[tile * self.tile.1..][..self.tile.1]
-                    .iter_mut()
-                    .enumerate()
-                {
-                    *out = left + slope * k as f32;
-                }
-            }
-            row[shape.columns - 1] = self.edges(node, v, self.tiles().1 - 1).1;
-        }
     }
 
     /// The largest jump of height on a tile edge; 0 where the construction is continuous.
@@ -322,87 +279,6 @@ impl<'a> Surface<'a> {
         }
     }
 
-    /// One row where every preimage is a node.
-    fn row_from_nodes(&self, y: usize, out: &mut [f32]) {
-        let width = self.shape().columns;
-        let (rows, columns) = self.tiles();
-        let detail = self.node_details(preimage(rows, self.tile.0, y) / self.tile.0);
-        let (node, u) = self.split(y, 0);
-        let row = &mut out[y * width..][..width];
-        let stride = columns / self.tile.1.min(columns);
-        for tile in 0..columns {
-            let (left, right) = self.edges(node, u, tile);
-            let slope = (right - left) / self.tile.1 as f32;
-            for (k, out) in row[tile * self.tile.1..][..self.tile.1]
-                .iter_mut()
-                .enumerate()
-            {
-                let folded = if tile % 2 == 0 { k } else { self.tile.1 - k };
-                let s = match self.scale {
-                    Scale::Constant(s) => s,
-                    _ => self.scale_at((node, u), (tile, k as f32 / self.tile.1 as f32)),
-                };
-                *out = left + slope * k as f32 + s * detail(folded * stride);
-            }
-        }
-        let last = columns - 1;
-        let end = if last % 2 == 0 { columns } else { 0 };
-        let s = self.scale_at((node, u), (last, 1.0));
-        row[width - 1] = self.edges(node, u, last).1 + s * detail(end);
-        self.restore_nodes(y, out);
-    }
-
-    /// f − B at the nodes of one row of nodes.
-    fn node_details(&self, row: usize) -> impl Fn(usize) -> f32 + '_ {
-        let (last_row, last) = (self.lattice.rows - 1, self.lattice.columns - 1);
-        let u = row as f32 / last_row as f32;
-        let left = blend(self.node(0, 0), self.node(last_row, 0), u);
-        let right = blend(self.node(0, last), self.node(last_row, last), u);
-        let slope = (right - left) / last as f32;
-        let nodes = &self.nodes[row * self.lattice.columns..][..self.lattice.columns];
-        let coons = self.base == Base::Coons;
-        move |column| {
-            let corners = left + slope * column as f32;
-            if !coons {
-                return nodes[column] - corners;
-            }
-            let v = column as f32 / last as f32;
-            let down = blend(self.node(0, column), self.node(last_row, column), u);
-            nodes[column] - (blend(nodes[0], nodes[last], v) + down - corners)
-        }
-    }
-
-    /// One pass in place: f ← b + s (f − B)(L⁻¹). Samples already renewed are only nearer to
-    /// the fixed point, so the bound of a pass on a copy holds.
-    fn pass(&self, out: &mut [f32]) {
-        let shape = self.shape();
-        let (rows, columns) = self.tiles();
-        for y in 0..shape.rows {
-            let source_y = preimage(rows, self.tile.0, y);
-            let (node, u) = self.split(y, 0);
-            for x in 0..shape.columns {
-                let source_x = preimage(columns, self.tile.1, x);
-                let (tile, v) = self.split(x, 1);
-                let (left, right) = self.edges(node, u, tile);
-                let detail =
-                    out[source_y * shape.columns + source_x] - self.base_at(source_y, source_x);
-                let s = self.scale_at((node, u), (tile, v));
-                out[y * shape.columns + x] = blend(left, right, v) + s * detail;
-            }
-            self.restore_nodes(y, out);
-        }
-    }
-
-    /// Nodes are met exactly, not to rounding.
-    fn restore_nodes(&self, y: usize, out: &mut [f32]) {
-        if y.is_multiple_of(self.tile.0) {
-            let row = &mut out[y * self.shape().columns..];
-            for j in 0..self.lattice.columns {
-                row[j * self.tile.1] = self.node(y / self.tile.0, j);
-            }
-        }
-    }
-
     fn largest_scale(&self) -> f32 {
         let largest = |s: &[f32]| s.iter().fold(0.0f32, |most, s| most.max(math::abs(*s)));
         match self.scale {
@@ -412,113 +288,9 @@ impl<'a> Surface<'a> {
     }
 }
 
-/// Least-squares scales against measured data.
-impl Surface<'_> {
-    /// The one s that fits `data` best: Σ r g / Σ g², r = data − b, g = (f − B)(L⁻¹). Exact
-    /// where one pass is; otherwise f itself depends on s and the formula is repeated on the
-    /// surface it gives. `scratch` is as large as `data`.
-    ///
-    /// # Errors
-    /// Slices shorter than [`Surface::shape`], non-finite data.
-    pub fn best_scale(&self, data: &[f32], scratch: &mut [f32]) -> Result<f32, SurfaceError> {
-        check_length(self.shape(), data.len())?;
-        check_finite(&data[..self.shape().len()])?;
-        let mut scale = 0.0f32;
-        for _ in 0..12 {
-            let surface = self.with(Scale::Constant(scale))?;
-            surface.evaluate(scratch)?;
-            let (rg, gg) = surface.regress(data, scratch, |_, _| true);
-            let next = bounded(rg, gg);
-            let settled = math::abs(next - scale) < 1e-6;
-            scale = next;
-            if settled {
-                break;
-            }
-        }
-        Ok(scale)
-    }
-
-    /// The best s of every tile, against the surface with s = 0; `scales` holds one value per
-    /// tile. Meant for the Coons base.
-    ///
-    /// # Errors
-    /// As [`Surface::best_scale`].
-    pub fn best_tile_scales(
-        &self,
-        data: &[f32],
-        scratch: &mut [f32],
-        scales: &mut [f32],
-    ) -> Result<(), SurfaceError> {
-        let (rows, columns) = self.tiles();
-        check_length(self.shape(), data.len())?;
-        check_length(Shape::new(rows, columns), scales.len())?;
-        check_finite(&data[..self.shape().len()])?;
-        let flat = self.with(Scale::Constant(0.0))?;
-        flat.evaluate(scratch)?;
-        for (index, scale) in scales[..rows * columns].iter_mut().enumerate() {
-            let tile = (index / columns, index % columns);
-            let (rg, gg) = flat.regress(data, scratch, |i, j| (i, j) == tile);
-            *scale = bounded(rg, gg);
-        }
-        Ok(())
-    }
-
-    /// (Σ r g, Σ g²) over the tiles that `wanted` names.
-    fn regress(
-        &self,
-        data: &[f32],
-        surface: &[f32],
-        wanted: impl Fn(usize, usize) -> bool,
-    ) -> (f64, f64) {
-        let width = self.shape().columns;
-        let (rows, columns) = self.tiles();
-        let (mut rg, mut gg) = (0.0f64, 0.0f64);
-        for (i, j) in (0..rows).flat_map(|i| (0..columns).map(move |j| (i, j))) {
-            if !wanted(i, j) {
-                continue;
-            }
-            let height = self.tile.0 + usize::from(i + 1 == rows);
-            let breadth = self.tile.1 + usize::from(j + 1 == columns);
-            for k in 0..height * breadth {
-                let (y, x) = (i * self.tile.0 + k / breadth, j * self.tile.1 + k % breadth);
-                let source = (
-                    preimage(rows, self.tile.0, y),
-                    preimage(columns, self.tile.1, x),
-                );
-                let (node, u) = self.split(y, 0);
-                let (tile, v) = self.split(x, 1);
-                let (left, right) = self.edges(node, u, tile);
-                let r = f64::from(data[y * width + x] - blend(left, right, v));
-                let g = surface[source.0 * width + source.1] - self.base_at(source.0, source.1);
-                rg += r * f64::from(g);
-                gg += f64::from(g) * f64::from(g);
-            }
-        }
-        (rg, gg)
-    }
-}
-
-/// The quotient, clipped to ±0.95; 0 where the data carry no information.
-fn bounded(rg: f64, gg: f64) -> f32 {
-    if gg > 0.0 {
-        (rg / gg).clamp(-0.95, 0.95) as f32
-    } else {
-        0.0
-    }
-}
-
 #[inline]
 fn blend(a: f32, b: f32, t: f32) -> f32 {
     if t == 1.0 { b } else { a + (b - a) * t }
-}
-
-/// Passes until |s|^k < 1e-7.
-fn passes_to_rounding(scale: f32) -> u32 {
-    if scale == 0.0 {
-        return 1;
-    }
-    let passes = math::ln(1e-7) / math::ln(scale);
-    (passes as u32).saturating_add(1).min(MOST_PASSES)
 }
 
 fn check_scale(scale: Scale, lattice: Shape) -> Result<(), SurfaceError> {
