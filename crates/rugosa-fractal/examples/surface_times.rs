@@ -1,6 +1,6 @@
 //! Times of the surface models and the codec, as ratios within one run.
 //!
-//! `cargo run --release -p rugosa-fractal --features alloc --example surface_times`
+//! `cargo run --release -p rugosa-fractal --features alloc --example surface_times [-- ifs|fis|codec]`
 //!
 //! The dense Levenberg–Marquardt is what one writes first: the whole Jacobian, JᵀJ that skips
 //! zeros, Cholesky. Both fits run the same seven iterations on crops of the Jacksboro DEM.
@@ -36,6 +36,17 @@ fn least(runs: u32, mut work: impl FnMut()) -> f64 {
 }
 
 fn main() {
+    let wanted = std::env::args().nth(1);
+    let parts: [(&str, fn()); 3] = [("ifs", fitting), ("fis", interpolation), ("codec", coding)];
+    for (name, part) in parts {
+        if wanted.as_deref().is_none_or(|w| w == name) {
+            part();
+        }
+    }
+}
+
+/// Structured against dense Levenberg–Marquardt.
+fn fitting() {
     for (depth, side, runs) in [(4, 82, 3), (5, 244, 1)] {
         let data: Vec<f64> = crop(50, 60, side).into_iter().map(f64::from).collect();
         let options = Options {
@@ -58,8 +69,6 @@ fn main() {
             structured / dense
         );
     }
-    interpolation();
-    coding();
 }
 
 /// Seven Levenberg–Marquardt iterations with the dense Jacobian, ridge 1e-5.
@@ -196,23 +205,34 @@ fn coding() {
         vec![0; 8 * shape.len()],
         vec![0.0; shape.len()],
     );
+    // the steps that give the bytes of 17² and 33² samples
+    let mut step_of = |bytes| {
+        codec::encode_to_size(&heights, shape, bytes, (&mut work, &mut out)).expect("fits");
+        64.0 * codec::Header::read(&out).expect("a header").quantum
+    };
+    let steps = [step_of(586), step_of(2186)];
     for precision in [
-        Precision::Within(0.5),
+        Precision::Step(steps[0]),
+        Precision::Step(steps[1]),
+        Precision::Step(30.0),
         Precision::Within(5.0),
-        Precision::Step(40.0),
-        Precision::Step(120.0),
+        Precision::Within(0.5),
     ] {
-        let mut bytes = 0;
+        let mut told = None;
         let encode = least(40, || {
-            bytes = codec::encode(black_box(&heights), shape, precision, (&mut work, &mut out))
-                .expect("fits")
-                .bytes;
+            told = Some(
+                codec::encode(black_box(&heights), shape, precision, (&mut work, &mut out))
+                    .expect("fits"),
+            );
         });
+        let told = told.expect("40 runs");
         let decode = least(40, || {
-            codec::decode(black_box(&out[..bytes]), (&mut work, &mut back)).expect("good");
+            codec::decode(black_box(&out[..told.bytes]), (&mut work, &mut back)).expect("good");
         });
         println!(
-            "codec, 257², {precision:?}: {bytes} bytes, encode {:.1} ns per cell, decode {:.1} ns per cell",
+            "codec, 257², {precision:?}: {} bytes, largest error {:.2} m, encode {:.1} ns per cell, decode {:.1} ns per cell",
+            told.bytes,
+            told.max_error,
             encode / cells * 1e9,
             decode / cells * 1e9
         );

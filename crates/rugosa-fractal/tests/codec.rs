@@ -2,6 +2,8 @@
 //! and zstd.
 
 mod common;
+#[path = "common/hostile.rs"]
+mod hostile;
 use common::{crop, psnr};
 use proptest::prelude::*;
 use rugosa_fractal::codec::*;
@@ -93,6 +95,32 @@ proptest! {
             Ok(coarse) => prop_assert!(coarse.step >= 1 && coarse.shape.len() <= shape.len()),
             Err(error) => prop_assert!(error == CodecError::Truncated),
         }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+    /// Damage that the checksums do not see, down to random bytes: whatever comes out fits.
+    #[test]
+    fn nothing_breaks_behind_the_checksums(
+        seed in 0u64..100, holes: bool, lossy: bool, cut in 0usize..2000,
+        changes in prop::collection::vec((0usize..2000, any::<u8>()), 0..20),
+        noise in prop::collection::vec(any::<u8>(), 0..400)
+    ) {
+        let shape = Shape::new(33, 29);
+        let mut normal = common::normal(seed);
+        let heights: Vec<f32> = (0..shape.len()).map(|i| if holes && i % 11 == 3 { f32::NAN } else { normal() }).collect();
+        let mut bench = Bench::new(shape);
+        let precision = if lossy { Precision::Step(0.3) } else { Precision::Within(0.01) };
+        let n = bench.encode(&heights, shape, precision).bytes;
+        let mut bytes = bench.out[..n].to_vec();
+        changes.iter().for_each(|&(at, byte)| bytes[at % n] = byte);
+        hostile::with_right_checksums(&bytes);
+        hostile::with_right_checksums(&bytes[..cut % n]);
+        hostile::with_right_checksums(&noise);
+        let body = [&bytes[..HEADER], &noise].concat();
+        hostile::with_right_checksums(&body);
+        hostile::anything(&bytes);
     }
 }
 

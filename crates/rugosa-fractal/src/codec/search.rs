@@ -1,13 +1,21 @@
 //! The precision that meets a bound or a size.
 //!
-//! Both try encodings; each costs one encode. Only the best one's bytes stay in the output.
+//! Both try encodings, each at the cost of one or, where it would be too long, less; the best
+//! one is made again at the end.
 
+use super::header::{HEADER, TRAILER};
 use super::{CodecError, Encoded, Precision, encode};
 use crate::surfaces::Shape;
 use rugosa_grid::math;
 
-/// Trials of a search for a step.
-const TRIALS: u32 = 14;
+/// Trials of a step for a bound.
+const TRIALS: u32 = 7;
+
+/// Halvings, in the logarithm, of a step for a size: to 0.3 %.
+const HALVINGS: u32 = 9;
+
+/// Factor between the trials that find the interval to be halved.
+const STRIDE: f32 = 4.0;
 
 /// Fewest bytes with every known height within `bound` metres: exact to the quantum, or
 /// coefficients rounded as coarsely as the bound allows, whichever is smaller.
@@ -22,20 +30,32 @@ pub fn encode_within(
 ) -> Result<Encoded, CodecError> {
     let exact = exactly_within(heights, shape, bound, (work, out))?;
     let mut best: Option<(f32, Encoded)> = None;
-    // the largest error is some 2 to 4 steps; the search is in its logarithm
-    let (mut fine, mut coarse) = (0.1 * bound, 4.0 * bound);
-    for _ in 0..TRIALS / 2 {
-        let step = math::sqrt(fine * coarse);
-        match encode(heights, shape, Precision::Step(step), (work, out)) {
-            Ok(lossy) if lossy.max_error <= bound => {
-                if best.is_none_or(|(_, b)| lossy.bytes < b.bytes) {
-                    best = Some((step, lossy));
+    // the largest error is some 1.5 to 4 steps, nearly in proportion
+    let (mut fine, mut coarse) = (0.05 * bound, 4.0 * bound);
+    let mut step = 0.4 * bound;
+    for _ in 0..TRIALS {
+        let shorter = exact.bytes.min(out.len());
+        let lent = (&mut *work, &mut out[..shorter]);
+        match encode(heights, shape, Precision::Step(step), lent) {
+            Ok(lossy) => {
+                if lossy.max_error > bound {
+                    coarse = step;
+                } else {
+                    fine = step;
+                    if best.is_none_or(|(_, b)| lossy.bytes < b.bytes) {
+                        best = Some((step, lossy));
+                    }
                 }
-                fine = step;
+                step *= 0.98 * bound / lossy.max_error.max(0.01 * bound);
             }
-            Ok(_) => coarse = step,
-            Err(CodecError::Full | CodecError::TooFine(_)) => fine = step,
+            Err(CodecError::Full | CodecError::TooFine(_)) => {
+                fine = step;
+                step *= 2.0;
+            }
             Err(error) => return Err(error),
+        }
+        if !(step > fine && step < coarse) {
+            step = math::sqrt(fine * coarse);
         }
     }
     match best {
@@ -76,28 +96,58 @@ pub fn encode_to_size(
     (work, out): (&mut [i32], &mut [u8]),
 ) -> Result<Encoded, CodecError> {
     let limit = bytes.min(out.len());
-    if limit < super::HEADER + super::TRAILER {
+    if limit < HEADER + TRAILER {
         return Err(CodecError::Unreachable(bytes));
     }
     let out = &mut out[..limit];
     let relief = relief(heights).max(1e-6);
-    let (mut fine, mut coarse) = (relief * 1e-5, relief * 4.0);
     let mut best: Option<(f32, Encoded)> = None;
-    for _ in 0..TRIALS + 4 {
-        let step = math::sqrt(fine * coarse);
-        match encode(heights, shape, Precision::Step(step), (work, out)) {
-            Ok(encoded) => {
-                if best.is_none_or(|(_, b)| encoded.mean_square <= b.mean_square) {
-                    best = Some((step, encoded));
-                }
-                coarse = step;
+    let mut fits = |step: f32| match encode(heights, shape, Precision::Step(step), (work, out)) {
+        Ok(encoded) => {
+            if best.is_none_or(|(_, b)| encoded.mean_square <= b.mean_square) {
+                best = Some((step, encoded));
             }
-            Err(CodecError::Full | CodecError::TooFine(_)) => fine = step,
-            Err(error) => return Err(error),
+            Ok(true)
+        }
+        Err(CodecError::Full | CodecError::TooFine(_)) => Ok(false),
+        Err(error) => Err(error),
+    };
+    let (mut fine, mut coarse) = interval(relief, &mut fits)?;
+    for _ in 0..HALVINGS {
+        let step = math::sqrt(fine * coarse);
+        if fits(step)? {
+            coarse = step;
+        } else {
+            fine = step;
         }
     }
     let (step, _) = best.ok_or(CodecError::Unreachable(bytes))?;
     encode(heights, shape, Precision::Step(step), (work, out))
+}
+
+/// A step that is too fine and one that fits, a factor apart, if there are any.
+fn interval(
+    relief: f32,
+    fits: &mut impl FnMut(f32) -> Result<bool, CodecError>,
+) -> Result<(f32, f32), CodecError> {
+    let (finest, coarsest) = (relief * 1e-5, relief * 4.0);
+    let mut step = relief / 32.0;
+    if fits(step)? {
+        while step > finest {
+            if !fits(step / STRIDE)? {
+                break;
+            }
+            step /= STRIDE;
+        }
+        return Ok((step / STRIDE, step));
+    }
+    while step < coarsest {
+        if fits(step * STRIDE)? {
+            break;
+        }
+        step *= STRIDE;
+    }
+    Ok((step, step * STRIDE))
 }
 
 fn relief(heights: &[f32]) -> f32 {

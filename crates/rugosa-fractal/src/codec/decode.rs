@@ -1,0 +1,110 @@
+//! Bytes → heights.
+//!
+//! Never reads past its input: bytes that are not there count as zeros, and what would depend
+//! on them is not returned. Writes into lent memory only.
+
+use super::header::{HAS_UNKNOWN, HEADER, Header, LOSSY, NOTHING_KNOWN, TRAILER};
+use super::model::Walk;
+use super::range::Decoder;
+use super::{CRC32, CodecError, check_memory, lifting};
+use crate::surfaces::Shape;
+
+/// What was decoded.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Decoded {
+    /// the header
+    pub header: Header,
+    /// 1 for the whole map; 2^k if only every 2^k-th node is there
+    pub step: usize,
+    /// size of what was written: every `step`-th node
+    pub shape: Shape,
+}
+
+/// Decodes into `out`, one f32 per node of the whole map; `work` holds one i32 per node. Of a
+/// prefix, the finest level that is complete.
+///
+/// # Errors
+/// Damage, memory; see [`CodecError`]. A prefix is protected by the header's checksum only.
+pub fn decode(bytes: &[u8], (work, out): (&mut [i32], &mut [f32])) -> Result<Decoded, CodecError> {
+    let header = Header::read(bytes)?;
+    let nodes = header.shape.len();
+    check_memory(nodes, work.len().min(out.len()))?;
+    let (work, out) = (&mut work[..nodes], &mut out[..nodes]);
+    let whole = bytes.len() >= header.length;
+    if whole {
+        let (body, sum) = bytes[..header.length].split_at(header.length - TRAILER);
+        if CRC32.checksum(body).to_le_bytes() != sum {
+            return Err(CodecError::Checksum);
+        }
+    }
+    if header.has(NOTHING_KNOWN) {
+        out.fill(f32::NAN);
+        return Ok(Decoded {
+            header,
+            step: 1,
+            shape: header.shape,
+        });
+    }
+    let end = bytes.len().min(header.length - TRAILER);
+    let step = read_stream(&header, (&bytes[HEADER..end], whole), (work, out))?;
+    Ok(gather(header, step, work, out))
+}
+
+/// Integers of heights on every 2^k-th node in `work`; NaN in `out` where unknown. Returns 2^k.
+fn read_stream(
+    header: &Header,
+    (stream, whole): (&[u8], bool),
+    (work, out): (&mut [i32], &mut [f32]),
+) -> Result<usize, CodecError> {
+    let (shape, levels) = (header.shape, lifting::levels(header.shape));
+    work.fill(0);
+    let mut walk = Walk::new(Decoder::new(stream), work, shape, header.has(LOSSY));
+    if header.has(HAS_UNKNOWN) {
+        let mark = |i: usize, unknown: bool| out[i] = if unknown { f32::NAN } else { 0.0 };
+        walk.unknown(|_| false, mark);
+    }
+    walk.coarsest();
+    if !whole && walk.coder.is_exhausted() {
+        return Err(CodecError::Truncated);
+    }
+    let mut done = levels;
+    for level in (1..=levels).rev() {
+        walk.level(level);
+        if !whole && walk.coder.is_exhausted() {
+            break;
+        }
+        done = level - 1;
+    }
+    walk.dequantise(done);
+    let occupied = walk.occupied;
+    lifting::inverse(work, shape, (levels, done), occupied);
+    Ok(1 << done)
+}
+
+/// Every `step`-th node, moved to the front; NaN where unknown.
+fn gather(header: Header, step: usize, work: &[i32], out: &mut [f32]) -> Decoded {
+    let columns = header.shape.columns;
+    let shape = Shape::new(
+        lifting::on(header.shape.rows, step),
+        lifting::on(columns, step),
+    );
+    let holes = header.has(HAS_UNKNOWN);
+    let height = |integer: i32, z: f32| match holes && z.is_nan() {
+        true => f32::NAN,
+        false => header.height(integer),
+    };
+    if step == 1 {
+        let cells = out.iter_mut().zip(work);
+        cells.for_each(|(z, &integer)| *z = height(integer, *z));
+    } else {
+        for i in 0..shape.len() {
+            let from = i / shape.columns * step * columns + i % shape.columns * step;
+            out[i] = height(work[from], out[from]);
+        }
+    }
+    Decoded {
+        header,
+        step,
+        shape,
+    }
+}
