@@ -3,16 +3,16 @@
 use crate::feeder::Feeder;
 use crate::listener::Listener;
 use crate::log::{Entry, Log};
+use crate::sent_map::Extent;
 use crate::summary::{Lines, Parity, STAGES, Summary};
 use crate::twin::Twin;
 use anyhow::{Context, Result, bail};
 use rugosa::{LAYERS, Layer};
-use rugosa_grid::{Cell, Tile};
 use rugosa_hil_sim::clock::{Clock, RealClock};
 use rugosa_hil_sim::faults::{Faults, Injected, Line};
 use rugosa_hil_sim::port::End;
 use rugosa_hil_sim::qemu::{Emulator, EmulatorSettings};
-use rugosa_wire::{Message, counter};
+use rugosa_wire::{Message, Status, counter};
 use serialport::TTYPort;
 use std::collections::BTreeMap;
 use std::io::{ErrorKind, Read, Write};
@@ -54,6 +54,7 @@ pub struct Bench<M> {
     lines: [Line; 2],
     pending: [Vec<u8>; 2],
     before_greeting: Vec<u8>,
+    cut: u64,
     clock: RealClock,
     log: Log,
 }
@@ -81,6 +82,7 @@ impl<M: Iterator<Item = Message>> Bench<M> {
             lines: [settings.to_module, settings.from_module].map(Line::new),
             pending: [Vec::new(), Vec::new()],
             before_greeting: Vec::new(),
+            cut: 0,
             clock: RealClock::start(),
             log,
         })
@@ -93,7 +95,10 @@ impl<M: Iterator<Item = Message>> Bench<M> {
 
     /// What was injected on the way to the module and back.
     pub fn injected(&self) -> [Injected; 2] {
-        [self.lines[0].injected(), self.lines[1].injected()]
+        let mut injected = [self.lines[0].injected(), self.lines[1].injected()];
+        injected[0].bytes_out -= self.cut;
+        injected[0].cut += self.cut;
+        injected
     }
 
     /// Moves what can be moved now; naps when that is nothing.
@@ -141,33 +146,66 @@ impl<M: Iterator<Item = Message>> Bench<M> {
         Ok(())
     }
 
-    /// Until scanner and host are connected.
+    /// Until scanner and host are connected to the module in the same session of it.
     pub fn connect(&mut self) -> Result<()> {
-        self.until("connections", PATIENCE, |bench| {
-            bench.feeder.link().is_connected() && bench.listener.link().is_connected()
+        self.until("connections", PATIENCE, Self::is_connected)
+    }
+
+    /// Until both are connected to a module that has started again.
+    pub fn reconnect(&mut self, what: &str, limit: Duration) -> Result<()> {
+        let before = self.feeder.module_session();
+        self.until(what, limit, |b| {
+            b.is_connected() && b.feeder.module_session() != before
         })
     }
 
-    /// Until all is sent, mapped and reported.
-    pub fn finish(&mut self, limit: Duration) -> Result<()> {
-        self.until("everything sent", limit, |b| {
-            b.feeder.is_finished() && b.is_quiet()
-        })?;
-        let statuses = self.listener.statuses.len();
-        // one status that was made after the last byte had been read, and all patches
-        self.until("the last status", PATIENCE, |b| {
-            b.listener.statuses.len() >= statuses + 3
-        })?;
-        let mut patches = u32::MAX;
-        while patches != self.listener.patches {
-            patches = self.listener.patches;
-            self.for_a_while(Duration::from_millis(700))?;
-        }
-        Ok(())
+    fn is_connected(&self) -> bool {
+        let session = self.feeder.module_session();
+        let links = [self.feeder.link(), self.listener.link()];
+        session == self.listener.module_session() && links.iter().all(|link| link.is_connected())
     }
 
-    fn is_quiet(&self) -> bool {
+    /// Sends bytes to the scanner's port of the module, beside what the scanner says.
+    pub fn inject(&mut self, bytes: &[u8]) {
+        let now = self.now();
+        self.lines[0].push(bytes, now);
+    }
+
+    /// Until all is sent, mapped and reported. The scanner is silent then, so that the
+    /// last status is of the same moment as the twin.
+    pub fn finish(&mut self, limit: Duration) -> Result<()> {
+        self.until("everything sent", limit, |b| b.feeder.is_finished())?;
+        self.settle()
+    }
+
+    /// Stops sending and waits until the module has read everything, told everything
+    /// and has nothing new for two statuses.
+    pub fn settle(&mut self) -> Result<()> {
+        self.feeder.is_muted = true;
+        self.until("everything delivered", PATIENCE, Self::is_quiet)?;
+        let from = self.listener.statuses.len();
+        self.until("the last status", PATIENCE, |b| {
+            let news = b.listener.statuses.get(from..).unwrap_or_default();
+            b.is_all_read() && b.is_all_told() && is_settled(news)
+        })
+    }
+
+    /// Has everything gone out to the emulator?
+    pub fn is_quiet(&self) -> bool {
         self.pending.iter().all(Vec::is_empty) && self.lines.iter().all(|line| line.waiting() == 0)
+    }
+
+    /// Has the module read, or dropped and counted, every byte that the twin got? After a
+    /// reset nobody knows how many that are.
+    fn is_all_read(&self) -> bool {
+        let at = |index| self.listener.counter(index);
+        let read = at(counter::LINK_BYTES).wrapping_add(at(counter::LINK_OVERRUN));
+        let given = self.twin.as_ref().map(|t| t.counter(counter::LINK_BYTES));
+        at(counter::RESTARTS) > 0 || Some(read) == given
+    }
+
+    fn is_all_told(&self) -> bool {
+        self.listener.counter(counter::PATCHES_SENT) == self.listener.map.patches()
     }
 
     /// Module → scanner.
@@ -178,19 +216,19 @@ impl<M: Iterator<Item = Message>> Bench<M> {
         line.push(&bytes, now);
         line.pull(now, &mut arrived);
         if self.is_plugged && self.feeder.receive(&arrived, micros(now)) {
-            self.renew_twin(now);
+            self.renew_twin();
         }
         Ok(bytes.len())
     }
 
     /// The module has started: so does its twin. What the module got before its first
     /// greeting is made up for; what it got before a reset is not known.
-    fn renew_twin(&mut self, now: Duration) {
+    fn renew_twin(&mut self) {
         let Some(session) = self.feeder.module_session() else {
             return;
         };
         let mut twin = Twin::new(session);
-        twin.receive(&std::mem::take(&mut self.before_greeting), micros(now));
+        twin.receive(&std::mem::take(&mut self.before_greeting));
         self.twin = Some(twin);
     }
 
@@ -203,13 +241,15 @@ impl<M: Iterator<Item = Message>> Bench<M> {
         }
         let mut arrived = Vec::new();
         line.pull(now, &mut arrived);
-        if self.is_plugged {
-            match &mut self.twin {
-                Some(twin) => twin.receive(&arrived, micros(now)),
-                None => self.before_greeting.extend(&arrived),
-            }
-            self.pending[0].extend(arrived);
+        if !self.is_plugged {
+            self.cut += arrived.len() as u64;
+            arrived.clear();
         }
+        match &mut self.twin {
+            Some(twin) => twin.receive(&arrived),
+            None => self.before_greeting.extend(&arrived),
+        }
+        self.pending[0].extend(arrived);
         write(&mut self.ports[0], &mut self.pending[0])
     }
 
@@ -293,7 +333,7 @@ impl<M: Iterator<Item = Message>> Bench<M> {
         let exact = LAYERS.iter().filter(|d| d.layer != Layer::Mean);
         for description in exact {
             for cell in twin.mapper().window().cells() {
-                let Some(sent) = self.listener.value(description.layer, cell) else {
+                let Some(sent) = self.listener.map.value(description.layer, cell) else {
                     continue;
                 };
                 let own = twin.mapper().value(description.layer, cell);
@@ -310,25 +350,17 @@ impl<M: Iterator<Item = Message>> Bench<M> {
         }
     }
 
-    /// The layers that the module has sent, rows to the north, over the twin's window:
-    /// name, side and values.
-    pub fn layers(&self) -> Vec<(&'static str, usize, Vec<f32>)> {
-        let Some(window) = self.twin.as_ref().map(|twin| *twin.mapper().window()) else {
-            return Vec::new();
+    /// The cells of the twin's window and their edge \[m\]; `None` before the module has
+    /// greeted.
+    pub fn window(&self) -> Option<(Extent, f32)> {
+        let mapper = self.twin.as_ref()?.mapper();
+        let window = mapper.window();
+        let extent = Extent {
+            origin: window.origin(),
+            columns: window.side(),
+            rows: window.side(),
         };
-        let values = |layer: Layer| {
-            let sent = window
-                .cells()
-                .map(|cell| self.listener.value(layer, at(layer, cell)));
-            sent.map(|sent| sent.map_or(f32::NAN, |sent| sent.value))
-                .collect::<Vec<_>>()
-        };
-        let layers = LAYERS
-            .iter()
-            .map(|d| (d.name, window.side(), values(d.layer)));
-        layers
-            .filter(|(.., values)| values.iter().any(|v| !v.is_nan()))
-            .collect()
+        Some((extent, mapper.config().resolution))
     }
 
     /// What came of it.
@@ -365,12 +397,20 @@ impl<M: Iterator<Item = Message>> Bench<M> {
     }
 }
 
-/// Where the value of a cell is kept: layers by tile have one for all of its cells.
-fn at(layer: Layer, cell: Cell) -> Cell {
-    if layer.description().per_tile {
-        Tile::of(cell).origin()
-    } else {
-        cell
+/// Do the last three statuses tell the same of bytes read and patches sent?
+fn is_settled(statuses: &[Status]) -> bool {
+    let told = |status: &Status| {
+        let at = |index: usize| status.counters.get(index).copied();
+        [
+            counter::LINK_BYTES,
+            counter::LINK_OVERRUN,
+            counter::PATCHES_SENT,
+        ]
+        .map(at)
+    };
+    match statuses {
+        [.., a, b, c] => told(a) == told(b) && told(b) == told(c),
+        _ => false,
     }
 }
 

@@ -1,6 +1,6 @@
 //! What the stages cost on the target: recorded frames through the image `costs`.
 
-use crate::log::Log;
+use crate::log::{Entry, Log};
 use anyhow::{Context, Result, bail};
 use rugosa::{Config, Mapper, Planes65, Solver65};
 use rugosa_wire::{Decoder, Header, MAX_FRAME, Message, counter, encode};
@@ -47,19 +47,50 @@ pub fn frames(messages: impl IntoIterator<Item = Message>) -> Vec<u8> {
     bytes
 }
 
+/// Runs an image beside a file `frames.bin` to its end and returns what it logged.
+pub fn logged(image: &Path, frames: &[u8]) -> Result<Vec<Entry>> {
+    let folder = tempfile::tempdir()?;
+    std::fs::write(folder.path().join("frames.bin"), frames)?;
+    let output = emulate(image, folder.path())?;
+    Ok(Log::of(image)?.take(&output))
+}
+
 /// Maps `frames` on the target.
 pub fn on_target(image: &Path, frames: &[u8]) -> Result<Vec<SweepCost>> {
-    let folder = std::env::temp_dir().join(format!("rugosa-costs-{}", std::process::id()));
-    std::fs::create_dir_all(&folder)?;
-    std::fs::write(folder.join("frames.bin"), frames)?;
-    let output = emulate(image, &folder);
-    std::fs::remove_dir_all(&folder)?;
-    let entries = Log::of(image)?.take(&output?);
+    let entries = logged(image, frames)?;
     let sweeps = entries.iter().map(|entry| parse(&entry.text)).collect();
     Option::context(
         sweeps,
         format!("the log of {} reads {entries:?}", image.display()),
     )
+}
+
+/// What the parts of a reconstruction cost on the target, in instructions.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SolverCost {
+    /// taking the data in
+    pub observe: u32,
+    /// one iteration
+    pub iteration: u32,
+    /// the mean
+    pub mean: u32,
+    /// residual after ten iterations, in parts per million of the first
+    pub ppm: u32,
+}
+
+/// Runs the image `solver`.
+pub fn of_solver(image: &Path) -> Result<SolverCost> {
+    let entries = logged(image, &[])?;
+    let found = entries.iter().find_map(|entry| {
+        let value = |name| value(&entry.text, name);
+        Some(SolverCost {
+            observe: value("observe")?,
+            iteration: value("iteration")?,
+            mean: value("mean")?,
+            ppm: value("ppm")?,
+        })
+    });
+    found.with_context(|| format!("the log of {} reads {entries:?}", image.display()))
 }
 
 /// Maps `frames` here; the digest after each sweep.
@@ -109,13 +140,14 @@ fn emulate(image: &Path, folder: &Path) -> Result<Vec<u8>> {
     Ok(std::fs::read(folder.join("log"))?)
 }
 
-/// `sweep 1 returns 65536 receive …`
+/// The number behind a word: `sweep 1 returns 65536 receive …`
+fn value(text: &str, name: &str) -> Option<u32> {
+    let mut words = text.split(' ').skip_while(|&word| word != name);
+    words.nth(1)?.parse().ok()
+}
+
 fn parse(text: &str) -> Option<SweepCost> {
-    let words: Vec<&str> = text.split(' ').collect();
-    let value = |name: &str| {
-        let at = words.iter().position(|&word| word == name)?;
-        words.get(at + 1)?.parse().ok()
-    };
+    let value = |name| value(text, name);
     Some(SweepCost {
         sweep: value("sweep")?,
         returns: value("returns")?,

@@ -13,6 +13,8 @@ pub struct Feeder<M> {
     first: VecDeque<Message>,
     messages: M,
     is_finished: bool,
+    /// does it say nothing at all?
+    pub is_muted: bool,
     /// scan lines sent
     pub lines: u64,
     /// fingerprints of the lines sent
@@ -36,6 +38,7 @@ impl<M: Iterator<Item = Message>> Feeder<M> {
             first: VecDeque::new(),
             messages,
             is_finished: false,
+            is_muted: false,
             lines: 0,
             known: HashSet::new(),
             sweeps: 0,
@@ -63,10 +66,16 @@ impl<M: Iterator<Item = Message>> Feeder<M> {
         let before = self.module_session();
         while let Some(event) = self.link.receive(&mut bytes, now_us) {
             if let Event::Connected { .. } = event {
-                self.first.extend(self.description.iter().cloned());
+                self.describe();
             }
         }
         self.module_session() != before
+    }
+
+    /// Says the description again: after each greeting and before each sweep, as it may
+    /// get lost like anything else.
+    fn describe(&mut self) {
+        self.first.extend(self.description.iter().cloned());
     }
 
     /// The session of the module, once it has greeted.
@@ -76,6 +85,9 @@ impl<M: Iterator<Item = Message>> Feeder<M> {
 
     /// The next frame; empty: nothing may be sent now.
     pub fn next_frame(&mut self, now_us: u64) -> Vec<u8> {
+        if self.is_muted {
+            return Vec::new();
+        }
         let mut buffer = [0; MAX_FRAME];
         let mut length = self.link.tend(now_us, &mut buffer);
         if length == 0 {
@@ -99,7 +111,10 @@ impl<M: Iterator<Item = Message>> Feeder<M> {
                     self.lines += 1;
                     self.known.insert(fingerprint::of_line(line));
                 }
-                self.sweeps += u32::from(matches!(message, Message::SweepEnd(_)));
+                if let Message::SweepEnd(_) = &message {
+                    self.sweeps += 1;
+                    self.describe();
+                }
                 length
             }
             Err(Unsent::NoCredit | Unsent::NotConnected | Unsent::BufferFull) => {

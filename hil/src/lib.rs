@@ -21,7 +21,9 @@ mod fingerprint;
 mod image;
 mod listener;
 mod log;
+mod recorded;
 mod scene;
+mod sent_map;
 mod summary;
 mod twin;
 
@@ -30,6 +32,8 @@ pub use feeder::Feeder;
 pub use image::image;
 pub use listener::Listener;
 pub use log::{Entry, Log};
+pub use recorded::split;
 pub use scene::Scene;
+pub use sent_map::{Extent, Sent, SentMap};
 pub use summary::{Lines, Parity, Summary};
 pub use twin::Twin;

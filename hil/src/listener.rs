@@ -1,18 +1,8 @@
 //! The host's side: what the module reports, and requests to it.
 
-use rugosa::{Layer, outbox::value_of};
-use rugosa_grid::Cell;
-use rugosa_wire::{Ack, Event, Hello, Link, MAX_FRAME, Message, Patch, Role, Status, counter};
-use std::collections::{HashMap, VecDeque};
-
-/// A value of the map as it was sent: what it is, and how coarse.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sent {
-    /// NaN where the module knows nothing
-    pub value: f32,
-    /// it lies within this of the module's own value
-    pub within: f32,
-}
+use crate::sent_map::SentMap;
+use rugosa_wire::{Ack, Event, Hello, Link, MAX_FRAME, Message, Role, Status, counter};
+use std::collections::VecDeque;
 
 /// Everything the module has told.
 pub struct Listener {
@@ -26,9 +16,8 @@ pub struct Listener {
     pub echoes: Vec<Vec<u8>>,
     /// sinks that came
     pub sinks: u32,
-    /// patches that came
-    pub patches: u32,
-    map: HashMap<(u8, Cell), Sent>,
+    /// the map as the module has sent it since it was started
+    pub map: SentMap,
 }
 
 impl Listener {
@@ -44,14 +33,18 @@ impl Listener {
             acks: Vec::new(),
             echoes: Vec::new(),
             sinks: 0,
-            patches: 0,
-            map: HashMap::new(),
+            map: SentMap::default(),
         }
     }
 
     /// Its link.
     pub fn link(&self) -> &Link {
         &self.link
+    }
+
+    /// The session of the module, once it has greeted.
+    pub fn module_session(&self) -> Option<u32> {
+        self.link.peer().map(|peer| peer.session)
     }
 
     /// Asks the module for something.
@@ -97,17 +90,12 @@ impl Listener {
         self.counter(counter::RETURNS_RECEIVED).wrapping_sub(before)
     }
 
-    /// A value of the map as it was sent.
-    pub fn value(&self, layer: Layer, cell: Cell) -> Option<Sent> {
-        self.map.get(&(layer as u8, cell)).copied()
-    }
-
     /// Takes bytes of the module.
     pub fn receive(&mut self, mut bytes: &[u8], now_us: u64) {
         while let Some(event) = self.link.receive(&mut bytes, now_us) {
             match event {
                 Event::Message(frame) => self.take(frame.message),
-                Event::Connected { resumed: false } => self.map.clear(),
+                Event::Connected { resumed: false } => self.map = SentMap::default(),
                 _ => {}
             }
         }
@@ -116,25 +104,11 @@ impl Listener {
     fn take(&mut self, message: Message) {
         match message {
             Message::Status(status) => self.statuses.push(status),
-            Message::Patch(patch) => self.place(&patch),
+            Message::Patch(patch) => self.map.place(&patch),
             Message::Ack(ack) => self.acks.push(ack),
             Message::EchoReply(bytes) => self.echoes.push(bytes.to_vec()),
             Message::Sink { .. } => self.sinks += 1,
             _ => {}
-        }
-    }
-
-    fn place(&mut self, patch: &Patch) {
-        self.patches += 1;
-        let (width, stride) = (i32::from(patch.width.max(1)), i32::from(patch.stride));
-        for (i, &number) in patch.values.iter().enumerate() {
-            let (column, row) = (i as i32 % width, i as i32 / width);
-            let cell = Cell::new(patch.x + column * stride, patch.y + row * stride);
-            let sent = Sent {
-                value: value_of(patch, number),
-                within: 0.51 * patch.scale + 1e-6 * patch.offset.abs(),
-            };
-            self.map.insert((patch.layer, cell), sent);
         }
     }
 

@@ -30,9 +30,10 @@ impl Twin {
         }
     }
 
-    /// Takes bytes that go to the module.
-    pub fn receive(&mut self, mut bytes: &[u8], now_us: u64) {
-        while let Some(event) = self.link.receive(&mut bytes, now_us) {
+    /// Takes bytes that go to the module. For the twin no time passes: what the module
+    /// takes does not depend on when it comes.
+    pub fn receive(&mut self, mut bytes: &[u8]) {
+        while let Some(event) = self.link.receive(&mut bytes, 0) {
             match event {
                 Event::Message(frame) => self.take(&frame.message),
                 Event::Connected { resumed: false } => self.mapper.new_session(),

@@ -18,7 +18,6 @@ pub struct HeapPlanes {
     ground: Vec<TileGround>,
     costs: Vec<CellCost>,
     solver: Vec<f32>,
-    mean: Vec<f32>,
     block: Box<Block>,
     columns: Vec<Trig>,
     lines: Vec<LineTrig>,
@@ -35,7 +34,6 @@ impl HeapPlanes {
             ground: vec![TileGround::EMPTY; tiles_of(side)],
             costs: vec![CellCost::UNKNOWN; side * side],
             solver: vec![0.0; solver_of(side)],
-            mean: vec![0.0; side * side],
             block: Box::new(Block::new()),
             columns: vec![Trig::ZERO; COLUMNS],
             lines: vec![LineTrig::ZERO; LINES],
@@ -51,7 +49,6 @@ impl HeapPlanes {
             + size_of_val(&self.ground[..])
             + size_of_val(&self.costs[..])
             + size_of_val(&self.solver[..])
-            + size_of_val(&self.mean[..])
             + size_of_val(&*self.block)
             + size_of_val(&self.columns[..])
             + size_of_val(&self.lines[..])
@@ -67,7 +64,6 @@ impl HeapPlanes {
             ground: &mut self.ground,
             costs: &mut self.costs,
             solver: &mut self.solver,
-            mean: &mut self.mean,
             block: &mut self.block,
             columns: &mut self.columns,
             lines: &mut self.lines,

@@ -67,9 +67,18 @@ impl Board {
     }
 }
 
-/// The step of the test command: the core builds for a Cortex-M.
+/// The step of the test command: the core builds for a Cortex-M, the firmware for every
+/// board.
 pub fn step() -> Result<Outcome> {
+    for target in [CORTEX_M4F, CORTEX_M33] {
+        if let Err(error) = Toolchain::find(target) {
+            return Ok(Outcome::Skipped(format!("{error:#}")));
+        }
+    }
     build_core()?;
+    for board in Board::ALL {
+        build_firmware(board)?;
+    }
     Ok(Outcome::Passed)
 }
 

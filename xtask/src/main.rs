@@ -13,15 +13,14 @@ use std::process::ExitCode;
 const HELP: &str = "\
 cargo xtask COMMAND
 
-  test            everything down to bare-metal, in this order; what CI runs
+  test            all of the following, in this order; what CI runs
   fmt             formatting
   lint            clippy, warnings are errors
   layers          which crate may depend on which, no_std, no unsafe
   unit            cargo test of the host workspace
   doc             API documentation builds without a warning
-  bare-metal      the no_std crates build for a Cortex-M4F
-  hil             the firmware in the emulator against the host, bit for bit; by name only,
-                  some of its fault tests are not reliable yet
+  bare-metal      the no_std crates build for a Cortex-M4F, the firmware for every board
+  hil             the firmware in the emulator against the host, bit for bit
 
 Several commands may be given: cargo xtask fmt lint
 

@@ -150,10 +150,12 @@ impl Handshake {
         greeted
     }
 
-    /// Any other frame: `None` where it is not of the connected peer.
+    /// Any other frame: `None` where it is not of a session that has been connected. A
+    /// silence does not end a session: what comes after it, before new greetings have
+    /// gone to and fro, is not lost.
     pub fn judge(&mut self, header: Header) -> Option<Order> {
         let peer = self.peer.as_mut()?;
-        let is_theirs = peer.is_connected && peer.session == header.session;
+        let is_theirs = peer.was_connected && peer.session == header.session;
         is_theirs.then(|| peer.expected.judge(header.sequence))
     }
 

@@ -181,6 +181,24 @@ fn silence_is_noticed_and_the_link_resumes() {
 }
 
 #[test]
+fn what_comes_after_a_silence_is_not_lost() {
+    let mut pair = Pair::new();
+    pair.steps(5);
+    let silent = pair.now_us + 3_000_000;
+    assert_eq!(take(&mut pair.module, &[], silent), [Event::Silent]);
+    assert!(!pair.module.is_connected());
+    // the scanner knows of no silence and goes on
+    let mut buffer = [0; MAX_FRAME];
+    let length = pair
+        .scanner
+        .send(&line(), pair.now_us, &mut buffer)
+        .unwrap();
+    let events = take(&mut pair.module, &buffer[..length], silent);
+    assert!(matches!(&events[..], [Event::Message(frame)] if frame.message == line()));
+    assert_eq!(pair.module.tally().stale, 0);
+}
+
+#[test]
 fn a_restart_of_either_side_starts_afresh_and_old_frames_are_stale() {
     let mut pair = Pair::new();
     pair.module.offer(4);

@@ -76,7 +76,7 @@ impl<'m> Mapper<'m> {
                 ground: Ground::new(memory.ground, !memory.solver.is_empty()),
                 costs: Costs::new(memory.costs),
             },
-            reconstruction: Reconstruction::new(side, memory.solver, memory.mean),
+            reconstruction: Reconstruction::new(side, memory.solver),
             counters: Counters::new(),
             until_ghost: 0,
         })

@@ -31,8 +31,6 @@ pub struct Memory<'m> {
     pub costs: &'m mut [CellCost],
     /// the solver of the reconstruction, [`solver_of`] elements; empty for none
     pub solver: &'m mut [f32],
-    /// `side²` elements of the reconstruction's mean; empty for none
-    pub mean: &'m mut [f32],
     /// scratch of the structure function
     pub block: &'m mut Block,
     /// sines and cosines by column; their number limits the scanner
@@ -81,15 +79,6 @@ impl Memory<'_> {
                 "solver",
                 self.solver.is_empty() || self.solver.len() == solver_of(side),
             ),
-            (
-                "mean",
-                self.mean.len()
-                    == if self.solver.is_empty() {
-                        0
-                    } else {
-                        side * side
-                    },
-            ),
             ("received", self.received.len() == self.lines.len()),
         ];
         match checks.iter().find(|(_, fits)| !fits) {
@@ -112,10 +101,9 @@ pub struct Planes<const CELLS: usize, const TILES: usize> {
     received: [u16; LINES],
 }
 
-/// Memory of a reconstruction in one piece: `CELLS` = side², `SOLVER` = [`solver_of`].
-pub struct Solver<const CELLS: usize, const SOLVER: usize> {
+/// Memory of a reconstruction in one piece: `SOLVER` = [`solver_of`] (side).
+pub struct Solver<const SOLVER: usize> {
     solver: [f32; SOLVER],
-    mean: [f32; CELLS],
 }
 
 /// A map of 33 × 33 cells.
@@ -125,24 +113,23 @@ pub type Planes65 = Planes<{ 65 * 65 }, { tiles_of(65) }>;
 /// A map of 129 × 129 cells.
 pub type Planes129 = Planes<{ 129 * 129 }, { tiles_of(129) }>;
 /// The reconstruction of 33 × 33 cells.
-pub type Solver33 = Solver<{ 33 * 33 }, { solver_of(33) }>;
+pub type Solver33 = Solver<{ solver_of(33) }>;
 /// The reconstruction of 65 × 65 cells.
-pub type Solver65 = Solver<{ 65 * 65 }, { solver_of(65) }>;
+pub type Solver65 = Solver<{ solver_of(65) }>;
 /// The reconstruction of 129 × 129 cells.
-pub type Solver129 = Solver<{ 129 * 129 }, { solver_of(129) }>;
+pub type Solver129 = Solver<{ solver_of(129) }>;
 
-impl<const CELLS: usize, const SOLVER: usize> Default for Solver<CELLS, SOLVER> {
+impl<const SOLVER: usize> Default for Solver<SOLVER> {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl<const CELLS: usize, const SOLVER: usize> Solver<CELLS, SOLVER> {
+impl<const SOLVER: usize> Solver<SOLVER> {
     /// Empty memory.
     pub const fn new() -> Self {
         Solver {
             solver: [0.0; SOLVER],
-            mean: [0.0; CELLS],
         }
     }
 }
@@ -172,11 +159,10 @@ impl<const CELLS: usize, const TILES: usize> Planes<CELLS, TILES> {
     /// Lends the planes to a mapper that keeps a reconstruction.
     pub fn lend_with<'m, const SOLVER: usize>(
         &'m mut self,
-        solver: &'m mut Solver<CELLS, SOLVER>,
+        solver: &'m mut Solver<SOLVER>,
     ) -> Memory<'m> {
         Memory {
             solver: &mut solver.solver,
-            mean: &mut solver.mean,
             ..self.lend()
         }
     }
@@ -185,7 +171,6 @@ impl<const CELLS: usize, const TILES: usize> Planes<CELLS, TILES> {
     pub fn lend(&mut self) -> Memory<'_> {
         Memory {
             solver: &mut [],
-            mean: &mut [],
             cells: &mut self.cells,
             samples: &mut self.samples,
             tiles: &mut self.tiles,

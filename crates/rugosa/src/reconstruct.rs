@@ -16,21 +16,19 @@ use rugosa_terrain::ElevationGrid;
 const UNKNOWN_HURST: f32 = 0.5;
 const UNKNOWN_SIGMA: f32 = 0.25;
 
-/// Solver and mean, in lent memory; both empty where no reconstruction is kept.
+/// The solver in lent memory, which holds the mean between two sweeps; no memory where
+/// no reconstruction is kept.
 pub(crate) struct Reconstruction<'m> {
     posterior: Option<Posterior<'m>>,
-    mean: &'m mut [f32],
     /// lowest cell of the window that the solution belongs to
     origin: Option<Cell>,
 }
 
 impl<'m> Reconstruction<'m> {
-    /// Without a reconstruction where either memory is too small.
-    pub(crate) fn new(side: usize, solver: &'m mut [f32], mean: &'m mut [f32]) -> Self {
-        let posterior = Posterior::new(side, solver).ok();
+    /// Without a reconstruction where the memory is too small.
+    pub(crate) fn new(side: usize, solver: &'m mut [f32]) -> Self {
         Reconstruction {
-            posterior: posterior.filter(|_| mean.len() == side * side),
-            mean,
+            posterior: Posterior::new(side, solver).ok(),
             origin: None,
         }
     }
@@ -59,18 +57,18 @@ impl<'m> Reconstruction<'m> {
             return None;
         }
         let progress = posterior.step(iterations);
-        posterior.mean(&prior, data, self.mean);
+        posterior.mean_in_place(&prior, data);
         self.origin = Some(window.origin());
         Some(progress)
     }
 
     /// The mean at a cell \[m\]; `None` where there is none.
     pub(crate) fn mean(&self, window: &Window, cell: Cell) -> Option<f32> {
-        let origin = self.origin?;
+        let (origin, posterior) = (self.origin?, self.posterior.as_ref()?);
         let (x, y) = (cell.x - origin.x, cell.y - origin.y);
         let side = window.side() as i32;
         let inside = (0..side).contains(&x) && (0..side).contains(&y) && window.contains(cell);
-        inside.then(|| self.mean[(y * side + x) as usize])
+        inside.then(|| posterior.heights()[(y * side + x) as usize])
     }
 }
 

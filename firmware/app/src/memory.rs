@@ -38,7 +38,6 @@ planes! {
     GROUND: [TileGround; TILES] = TileGround::EMPTY;
     COSTS: [CellCost; CELLS] = CellCost::UNKNOWN;
     SOLUTION: [f32; SOLVER] = 0.0;
-    MEAN: [f32; CELLS] = 0.0;
     TRIG: [Trig; COLUMNS] = NO_TRIG;
     LINE_TRIG: [LineTrig; LINES] = NO_LINE;
     RECEIVED: [u16; LINES] = 0;
@@ -55,7 +54,6 @@ pub fn take() -> Memory<'static> {
         ground: GROUND.take(),
         costs: COSTS.take(),
         solver: SOLUTION.take(),
-        mean: MEAN.take(),
         block: BLOCK.take(),
         columns: TRIG.take(),
         lines: LINE_TRIG.take(),

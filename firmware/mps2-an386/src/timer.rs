@@ -5,9 +5,9 @@
 //!   virtual time and a count 40 ns, so that the same work always takes the same count.
 //! - Timer 1 has no interrupt. Its expiry makes the emulator's main loop look at the
 //!   serial ports again, which the emulated UART forgets to ask for (see [`wake_port`]).
-//! - SysTick ends a sleep at least every 10 ms.
+//! - SysTick ends a sleep at least every 10 ms and drives a watchdog.
 
-use crate::register::Register;
+use crate::{register::Register, watchdog};
 use cortex_m::peripheral::{SYST, syst::SystClkSource};
 use cortex_m_rt::exception;
 
@@ -68,7 +68,9 @@ pub fn wake_port() {
 }
 
 #[exception]
-fn SysTick() {}
+fn SysTick() {
+    watchdog::tick();
+}
 
 /// Turns the wrapping count into microseconds since the start.
 #[derive(Default)]

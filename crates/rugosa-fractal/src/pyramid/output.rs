@@ -48,6 +48,31 @@ impl Posterior<'_> {
         }
     }
 
+    /// The posterior mean \[m\] as [`Posterior::mean`] gives it, left in the memory of the
+    /// data's weights, see [`Posterior::heights`]: for a target that has no memory to
+    /// spare. Until the next [`Posterior::observe`] or [`Posterior::draw`] there is
+    /// nothing to solve and nothing else to be asked for.
+    pub fn mean_in_place(&mut self, prior: &impl Prior, data: impl Fn(usize) -> Option<Datum>) {
+        let (offset, side) = (self.offset, self.shape.side);
+        let cells = core::mem::take(&mut self.weights);
+        self.visit(|i, u| {
+            let (c, mut height) = (cells[i], u + offset);
+            if c > 0.0
+                && let Some(d) = data(i)
+            {
+                height += c * prior.variance(0, i / side, i % side) * (d.height - height);
+            }
+            cells[i] = height;
+        });
+        self.weights = cells;
+        self.end();
+    }
+
+    /// What [`Posterior::mean_in_place`] has left, row by row.
+    pub fn heights(&self) -> &[f32] {
+        self.weights
+    }
+
     /// The draw that [`Posterior::draw`] has begun, finest level included \[m\].
     pub fn realisation(
         &mut self,

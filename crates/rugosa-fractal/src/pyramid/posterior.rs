@@ -324,6 +324,11 @@ impl<'m> Posterior<'m> {
         }
     }
 
+    /// Leaves nothing to iterate on.
+    pub(super) fn end(&mut self) {
+        self.rz = 0.0;
+    }
+
     /// Length of the residual relative to that at w = 0; 0 when there is nothing to solve.
     fn relative(&self) -> f32 {
         if self.reference > 0.0 {
