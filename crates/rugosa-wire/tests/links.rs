@@ -191,10 +191,10 @@ fn what_comes_after_a_silence_is_not_lost() {
     let mut buffer = [0; MAX_FRAME];
     let length = pair
         .scanner
-        .send(&line(), pair.now_us, &mut buffer)
+        .send(&Message::Refresh, pair.now_us, &mut buffer)
         .unwrap();
     let events = take(&mut pair.module, &buffer[..length], silent);
-    assert!(matches!(&events[..], [Event::Message(frame)] if frame.message == line()));
+    assert!(matches!(&events[..], [Event::Message(frame)] if frame.message == Message::Refresh));
     assert_eq!(pair.module.tally().stale, 0);
 }
 
