@@ -48,11 +48,14 @@ def jpeg_2000(z, target):
 
 def zstd_of_differences(z):
     import zstandard
-    q = np.round((z - z.min()) / 0.001).astype(np.int32)
+    q = np.round((z - z.min()).astype(float) / 0.001).astype(np.int64)
+    q //= max(np.gcd.reduce(q, axis=None), 1)
     q[1:] -= q[:-1].copy()
     q[:, 1:] -= q[:, :-1].copy()
-    planes = q.astype("<i4").view(np.uint8).reshape(-1, 4).T.tobytes()
-    return min(len(zstandard.ZstdCompressor(level=19).compress(b)) for b in (q.tobytes(), planes))
+    folded = (q << 1 ^ q >> 63).astype("<u4")  # signs in the lowest bit
+    width = "<i2" if np.abs(q).max() < 1 << 15 else "<i4"
+    candidates = [q.astype(width).tobytes(), folded.view(np.uint8).reshape(-1, 4).T.tobytes()]
+    return min(len(zstandard.ZstdCompressor(level=19).compress(c)) for c in candidates)
 
 
 def lerc_times(z, error):

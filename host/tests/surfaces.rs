@@ -146,3 +146,88 @@ fn maps_are_densified_and_interpolated() {
     folder.refused("fis a.npy --step 8 --scale 1 --out x.npy");
     assert!(!folder.path("x.npy").exists());
 }
+
+/// Every way to be wrong: one line that names the culprit, exit code 2, the output as it was.
+#[test]
+fn bad_input_is_named_and_nothing_is_touched() {
+    let folder = Folder::new(65);
+    let mut values: Vec<f32> = folder.values("a.npy").iter().map(|z| *z as f32).collect();
+    npy::write(&folder.path("flat.npy"), 28, 28, &[7.0; 784]).unwrap();
+    npy::write(&folder.path("row.npy"), 1, 65, &values[..65]).unwrap();
+    values[70] = f32::NAN;
+    npy::write(&folder.path("holes.npy"), 65, 65, &values).unwrap();
+    std::fs::write(folder.path("text.npy"), "no raster").unwrap();
+    std::fs::write(folder.path("empty.rz"), "").unwrap();
+    std::fs::write(folder.path("x.npy"), "before").unwrap();
+    let cases = [
+        ("compress absent.npy --bytes 500", "absent.npy"),
+        ("compress text.npy --bytes 500", "text.npy"),
+        ("compress a.npy --max-error 0", "--max-error"),
+        ("compress a.npy --max-error -1", "--max-error"),
+        ("compress a.npy --max-error nan", "--max-error"),
+        ("compress a.npy --max-error 1e-9", "fine"),
+        ("compress a.npy --bytes 5", "5 bytes"),
+        ("compress a.npy --bytes 500 --max-error 1", "--max-error"),
+        ("compress holes.npy --bytes 5000 --model fis", "node (1, 5)"),
+        ("compress a.npy --bytes 5000 --model ifs", "27"),
+        ("decompress empty.rz", "empty.rz"),
+        ("decompress text.npy", "RZ"),
+        ("fis a.npy --step 0", "--step"),
+        ("fis a.npy --step 7", "k · 7 + 1"),
+        ("fis a.npy --step 8 --scale 1", "--scale"),
+        ("fis a.npy --step 8 --scale nan", "--scale"),
+        ("fis a.npy --step 8 --scale hurst --hurst 1", "--hurst"),
+        ("fis holes.npy --step 8", "node (1, 5)"),
+        ("ifs fit holes.npy", "node (1, 5)"),
+        ("fis row.npy --step 8", "row.npy"),
+        ("ifs fit a.npy", "27"),
+        ("ifs fit flat.npy --ridge -1", "--ridge"),
+        ("ifs fit flat.npy --patch 29", "29"),
+        ("ifs tabulate a.npy", "RIFS"),
+        ("ifs tabulate absent.ifs", "absent.ifs"),
+        ("densify a.npy --levels 0", "--levels"),
+        ("densify a.npy --levels 99", "--levels"),
+        ("densify row.npy", "row.npy"),
+        ("densify text.npy", "text.npy"),
+        ("densify a.npy --noise fbm --hurst 0 --sigma 1", "--hurst"),
+        (
+            "densify a.npy --noise fbm --hurst 0.5 --sigma -1",
+            "--sigma",
+        ),
+    ];
+    for (arguments, culprit) in cases {
+        let message = folder.refused(&format!("{arguments} --out x.npy"));
+        assert!(message.contains(culprit), "{arguments}: {message}");
+        let after = std::fs::read(folder.path("x.npy")).unwrap();
+        assert_eq!(after, b"before", "{arguments}");
+    }
+}
+
+/// Constant heights and holes have a defined result.
+#[test]
+fn odd_data_have_a_defined_result() {
+    let folder = Folder::new(65);
+    npy::write(&folder.path("flat.npy"), 28, 28, &[7.0; 784]).unwrap();
+    folder.json("ifs fit flat.npy --out flat.ifs");
+    folder.json("ifs tabulate flat.ifs --out b.npy");
+    assert!(folder.values("b.npy").iter().all(|z| *z == 7.0));
+    folder.json("fis flat.npy --step 3 --out b.npy");
+    assert!(folder.values("b.npy").iter().all(|z| *z == 7.0));
+    folder.json("compress flat.npy --max-error 0.1 --out flat.rz");
+    folder.json("decompress flat.rz --out b.npy");
+    assert!(folder.values("b.npy").iter().all(|z| *z == 7.0));
+    let mut values: Vec<f32> = folder.values("a.npy").iter().map(|z| *z as f32).collect();
+    values[70..75].fill(f32::NAN);
+    npy::write(&folder.path("holes.npy"), 65, 65, &values).unwrap();
+    folder.json("compress holes.npy --max-error 1 --out holes.rz");
+    folder.json("decompress holes.rz --out b.npy");
+    let back = folder.values("b.npy");
+    assert!((0..65 * 65).all(|i| back[i].is_nan() == (70..75).contains(&i)));
+    let dense = folder.json("densify holes.npy --out d.npy");
+    let unknown = folder.values("d.npy").iter().filter(|z| z.is_nan()).count();
+    assert!(dense["unknown"].as_u64() == Some(unknown as u64) && unknown >= 5);
+    let field = folder.json("fis a.npy --step 8 --scale field --out f.npy");
+    let best = folder.json("fis a.npy --step 8 --scale best --out f.npy");
+    assert_eq!(field["scales"], 81);
+    assert!(field["psnr"].as_f64().unwrap() > best["psnr"].as_f64().unwrap() + 0.1);
+}

@@ -31,6 +31,7 @@ pub struct Args {
     #[arg(
         long,
         value_name = "M",
+        allow_negative_numbers = true,
         required_unless_present = "bytes",
         conflicts_with = "bytes"
     )]
@@ -76,6 +77,22 @@ pub struct DecompressArgs {
 /// Reads a raster; heights do not depend on the spacing, so a `.npy` needs none.
 pub fn read_grid(path: &Path, spacing: Option<Spacing>) -> Result<Raster> {
     read_raster(path, Some(spacing.unwrap_or(Spacing { x: 1.0, y: 1.0 })))
+}
+
+/// Reads a raster for a model that cannot have holes.
+pub fn read_whole_grid(path: &Path, spacing: Option<Spacing>) -> Result<Raster> {
+    let raster = read_grid(path, spacing)?;
+    match raster.values.iter().position(|z| !z.is_finite()) {
+        Some(i) => Err(Failure::file(
+            path,
+            format_args!(
+                "node ({}, {}) is unknown (row, column from 0): this model needs a raster without holes",
+                i / raster.columns,
+                i % raster.columns
+            ),
+        )),
+        None => Ok(raster),
+    }
 }
 
 /// Writes a raster as `.npy` or `.asc`.
@@ -129,7 +146,16 @@ impl fmt::Display for Quality {
 
 /// Compresses a raster.
 pub fn run(args: &Args, console: &Console) -> Result<()> {
-    let raster = read_grid(&args.file, None)?;
+    let raster = match args.model {
+        Model::Wavelet => read_grid(&args.file, None)?,
+        Model::Fis | Model::Ifs => read_whole_grid(&args.file, None)?,
+    };
+    if args
+        .max_error
+        .is_some_and(|bound| !(bound > 0.0 && bound.is_finite()))
+    {
+        return Err(Failure::input("--max-error must be above 0"));
+    }
     let started = Instant::now();
     let _progress = console.progress("compressing", None);
     let (bytes, found) = match args.model {

@@ -38,10 +38,10 @@ pub struct Args {
     #[arg(long, value_enum, default_value_t = Stencil::Kriged)]
     stencil: Stencil,
     /// Hurst exponent; estimated from the raster if absent
-    #[arg(long, value_name = "H")]
+    #[arg(long, value_name = "H", allow_negative_numbers = true)]
     hurst: Option<f32>,
     /// Standard deviation of an elevation difference at 1 m [m]; estimated if absent
-    #[arg(long, value_name = "SIGMA")]
+    #[arg(long, value_name = "SIGMA", allow_negative_numbers = true)]
     sigma: Option<f32>,
     /// Local Hurst exponents: a raster over the same ground, any size
     #[arg(long, value_name = "FILE", requires = "sigma_map")]
@@ -105,6 +105,12 @@ const CACHE: usize = 4096;
 /// Densifies a raster.
 pub fn run(args: &Args, console: &Console) -> Result<()> {
     let started = Instant::now();
+    if args.hurst.is_some_and(|h| !(h > 0.0 && h < 1.0)) {
+        return Err(Failure::input("--hurst must lie in (0, 1)"));
+    }
+    if args.sigma.is_some_and(|s| !(s >= 0.0 && s.is_finite())) {
+        return Err(Failure::input("--sigma must be 0 or more"));
+    }
     let coarse = read_grid(&args.file, args.spacing)?;
     let shape = Shape::new(coarse.rows, coarse.columns).finer(1 << args.levels);
     if shape.len() > MOST_NODES {
@@ -315,10 +321,11 @@ fn report(
         }),
         _ => Value::Null,
     };
+    let unknown = fine.values.iter().filter(|z| z.is_nan()).count();
     let object = json!({
         "rows": fine.rows, "columns": fine.columns,
         "spacing": [fine.spacing_x, fine.spacing_y],
-        "filled": counts.filled, "unknown": counts.unknown,
+        "filled": counts.filled, "unknown": unknown,
         "hurst": roughness.hurst, "sigma": roughness.sigma,
         "calibration": calibration, "seconds": started.elapsed().as_secs_f64(),
     });
@@ -331,7 +338,7 @@ fn report(
             fine.columns,
             factor(args.levels),
             counts.filled,
-            counts.unknown,
+            unknown,
             roughness.hurst,
             roughness.sigma,
         ),

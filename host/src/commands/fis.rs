@@ -1,6 +1,6 @@
 //! `rugosa fis`: a rectangular fractal interpolation surface through every T-th node.
 
-use super::compress::{Quality, read_grid, write_grid};
+use super::compress::{Quality, read_whole_grid, write_grid};
 use crate::console::Console;
 use crate::error::{Failure, Result};
 use crate::io::{Raster, Spacing};
@@ -39,7 +39,12 @@ pub struct Args {
     )]
     scale: Choice,
     /// Hurst exponent for --scale hurst
-    #[arg(long, value_name = "H", default_value_t = 0.7)]
+    #[arg(
+        long,
+        value_name = "H",
+        default_value_t = 0.7,
+        allow_negative_numbers = true
+    )]
     hurst: f32,
     /// Distance between nodes of a .npy [m]
     #[arg(long, value_name = "DX[,DY]")]
@@ -204,7 +209,7 @@ impl Model {
 /// Rebuilds a raster.
 pub fn run(args: &Args, console: &Console) -> Result<()> {
     let started = Instant::now();
-    let raster = read_grid(&args.file, args.spacing)?;
+    let raster = read_whole_grid(&args.file, args.spacing)?;
     let failed = |e| Failure::file(&args.file, e);
     if args.scale == Choice::Hurst && !(args.hurst > 0.0 && args.hurst < 1.0) {
         return Err(Failure::input("--hurst must lie in (0, 1)"));

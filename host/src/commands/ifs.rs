@@ -1,6 +1,6 @@
 //! `rugosa ifs fit` and `rugosa ifs tabulate`: projected iterated function systems.
 
-use super::compress::{Quality, read_grid, write_grid};
+use super::compress::{Quality, read_whole_grid, write_grid};
 use crate::console::Console;
 use crate::error::{Failure, Result};
 use crate::io::{Raster, Spacing, atomic};
@@ -45,7 +45,12 @@ struct FitArgs {
     #[arg(long, value_name = "N", default_value_t = 15)]
     iterations: u32,
     /// Penalty on weights away from bilinear; larger makes deeper tables safer
-    #[arg(long, value_name = "R", default_value_t = 1e-5)]
+    #[arg(
+        long,
+        value_name = "R",
+        default_value_t = 1e-5,
+        allow_negative_numbers = true
+    )]
     ridge: f64,
     /// How neighbouring patches are made to meet
     #[arg(long, value_enum, default_value_t = Variant::Tied)]
@@ -97,7 +102,7 @@ pub fn run(args: &Args, console: &Console) -> Result<()> {
 
 fn fit(args: &FitArgs, console: &Console) -> Result<()> {
     let started = Instant::now();
-    let raster = read_grid(&args.file, None)?;
+    let raster = read_whole_grid(&args.file, None)?;
     if !(args.ridge >= 0.0 && args.ridge.is_finite()) {
         return Err(Failure::input("--ridge must be 0 or more"));
     }
