@@ -53,6 +53,10 @@ impl Settings {
             let set = settings.set(key.get_ref(), value);
             set.map_err(|message| Failure::line(path, line(key.span().start), message))?;
         }
+        settings
+            .mapper
+            .check()
+            .map_err(|e| Failure::file(path, e))?;
         Ok(settings)
     }
 
@@ -153,6 +157,7 @@ mod tests {
             ("gate = \"three\"", "a.toml:1: gate: not a number"),
             ("gate = nan", "a.toml:1: gate = NaN"),
             ("gate = 3\ngate 4", "a.toml:2"),
+            ("step_safe = 0.3", "a.toml: limit step"),
         ];
         for (text, expected) in cases {
             let message = parse(text).unwrap_err().message;

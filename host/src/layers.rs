@@ -4,6 +4,18 @@ use crate::error::{Failure, Result};
 use crate::io::Raster;
 use std::ops::Range;
 
+/// Layers that are elevations above the origin.
+pub const HEIGHTS: [&str; 8] = [
+    "elevation",
+    "upper_bound",
+    "lower_bound",
+    "lowest",
+    "highest",
+    "sample",
+    "mean",
+    "realisation",
+];
+
 /// One named quantity.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layer {
@@ -28,6 +40,8 @@ pub struct Layers {
     pub resolution: f64,
     /// x and y of the corner of cell (0, 0) \[m\]
     pub corner: [f64; 2],
+    /// these coordinates minus those of the mapper \[m\]; 0 for a robot's map
+    pub shift: [f64; 2],
     /// the layers
     pub layers: Vec<Layer>,
 }
@@ -47,6 +61,7 @@ impl Layers {
             columns: raster.columns,
             resolution: dx,
             corner: [raster.origin[0] - dx / 2.0, raster.origin[1] - dx / 2.0],
+            shift: [0.0; 2],
             layers: Vec::new(),
         };
         layers.add("elevation", "m", raster.values.clone());
@@ -96,7 +111,16 @@ impl Layers {
             columns: columns.len(),
             resolution: self.resolution,
             corner: [self.corner[0] + offset[0], self.corner[1] + offset[1]],
+            shift: self.shift,
             layers: self.layers.iter().map(cut).collect(),
+        }
+    }
+
+    /// Lifts the layers that are elevations.
+    pub fn raise(&mut self, by: f32) {
+        let lifted = |l: &&mut Layer| HEIGHTS.contains(&l.name.as_str());
+        for layer in self.layers.iter_mut().filter(lifted) {
+            layer.values.iter_mut().for_each(|v| *v += by);
         }
     }
 

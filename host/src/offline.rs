@@ -10,13 +10,12 @@ use crate::error::{Failure, Result};
 use crate::io::{Dataset, Points};
 use crate::layers::Layers;
 use crate::planes::HeapPlanes;
+use crate::saved::{MOST, SavedMap};
 use nalgebra::Isometry3;
 use rugosa::{Mapper, SweepReport, is_side};
 use rugosa_terrain::Noise;
 use rugosa_terrain::grid::View;
 
-/// Greatest side of a map in cells.
-const MOST: usize = 1025;
 /// Integer heights that a map has room for.
 const HEIGHTS: f64 = 60_000.0;
 /// Height of the eye above the middle, in half diagonals: no beam is flatter than 63°.
@@ -47,6 +46,8 @@ pub struct Mapped<'m> {
     pub report: SweepReport,
     /// the layers, in the coordinates of the files
     pub layers: Layers,
+    /// all cells, to be saved
+    pub saved: SavedMap,
 }
 
 impl Cloud {
@@ -89,6 +90,11 @@ impl Cloud {
         [self.points.xyz.len(), self.points.skipped]
     }
 
+    /// Bytes of the points.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&self.points.xyz[..])
+    }
+
     /// Cells along x and y.
     pub fn cells(&self) -> [usize; 2] {
         self.cells
@@ -122,10 +128,14 @@ impl Cloud {
     ) -> Result<Mapped<'m>> {
         let mut mapper = Mapper::new(settings.mapper, planes.lend()).map_err(Failure::input)?;
         let origin = mapper.window().origin();
+        let config = mapper.config();
+        // by whole height steps, so that maps can be merged
+        let middle = 0.5 * (self.heights[0] + self.heights[1]);
+        let rise = (middle / f64::from(config.height_step())).round() as i64;
         let shift = [
             self.corner[0] - f64::from(origin.x) * self.resolution,
             self.corner[1] - f64::from(origin.y) * self.resolution,
-            0.5 * (self.heights[0] + self.heights[1]),
+            f64::from(config.height_step()) * rise as f64,
         ];
         let middle = [0, 1].map(|axis| {
             self.corner[axis] - shift[axis] + 0.5 * self.cells[axis] as f64 * self.resolution
@@ -147,8 +157,17 @@ impl Cloud {
         let report = mapper.commit(&mut |_| {});
         let mut layers = layers_of(&mapper).part(0..self.cells[1], 0..self.cells[0]);
         (layers.corner, layers.resolution) = (self.corner, self.resolution);
-        raise(&mut layers, shift[2] as f32);
+        layers.shift = [shift[0], shift[1]];
+        layers.raise(shift[2] as f32);
+        let saved = SavedMap {
+            shift: [shift[0], shift[1]],
+            rise,
+            ..SavedMap::of(&mapper)
+        };
+        let [x0, y0] = self.corner;
+        let [width, height] = self.cells.map(|n| n as f64 * self.resolution);
         Ok(Mapped {
+            saved: saved.crop([x0, y0, x0 + width, y0 + height])?,
             mapper,
             report,
             layers,
@@ -158,28 +177,6 @@ impl Cloud {
     fn half_diagonal(&self) -> f64 {
         let [x, y] = self.cells.map(|n| n as f64 * self.resolution);
         0.5 * x.hypot(y)
-    }
-}
-
-/// Layers that are elevations above the origin.
-const HEIGHT_LAYERS: [&str; 8] = [
-    "elevation",
-    "upper_bound",
-    "lower_bound",
-    "lowest",
-    "highest",
-    "sample",
-    "mean",
-    "realisation",
-];
-
-fn raise(layers: &mut Layers, by: f32) {
-    for layer in layers
-        .layers
-        .iter_mut()
-        .filter(|l| HEIGHT_LAYERS.contains(&l.name.as_str()))
-    {
-        layer.values.iter_mut().for_each(|v| *v += by);
     }
 }
 

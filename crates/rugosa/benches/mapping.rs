@@ -9,7 +9,7 @@
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use rugosa::traversability::CellCost;
-use rugosa::{Config, Mapper, Memory, TileGround, tiles_of};
+use rugosa::{Config, Mapper, Memory, Stage, TileGround, tiles_of};
 use rugosa_fractal::roughness::{Block, TileSums};
 use rugosa_grid::Sample;
 use rugosa_terrain::grid::View;
@@ -96,6 +96,9 @@ fn scan(rings: usize, columns: usize) -> Vec<[f32; 3]> {
 struct Times {
     points_ms: f64,
     commit_ms: f64,
+    /// of it: slope, step, hidden step, cost; and the roughness of tiles
+    features_ms: f64,
+    roughness_ms: f64,
     measured: u32,
 }
 
@@ -114,6 +117,8 @@ fn measure(side: usize, points: &[[f32; 3]], runs: usize) -> Times {
     let mut best = Times {
         points_ms: f64::MAX,
         commit_ms: f64::MAX,
+        features_ms: f64::MAX,
+        roughness_ms: f64::MAX,
         measured: 0,
     };
     for _ in 0..runs {
@@ -122,7 +127,15 @@ fn measure(side: usize, points: &[[f32; 3]], runs: usize) -> Times {
         let start = Instant::now();
         mapper.points(points, &view);
         let points_ms = start.elapsed().as_secs_f64() * 1e3;
-        let report = mapper.commit(&mut |_| {});
+        let (mut last, mut stages) = (start, Vec::new());
+        let report = mapper.commit(&mut |stage| {
+            let now = Instant::now();
+            stages.push((stage, (now - last).as_secs_f64() * 1e3));
+            last = now;
+        });
+        let of = |wanted| stages.iter().find(|s| s.0 == wanted).map_or(0.0, |s| s.1);
+        best.features_ms = best.features_ms.min(of(Stage::Traversability));
+        best.roughness_ms = best.roughness_ms.min(of(Stage::Roughness));
         let total_ms = start.elapsed().as_secs_f64() * 1e3;
         best.points_ms = best.points_ms.min(points_ms);
         best.commit_ms = best.commit_ms.min(total_ms - points_ms);
@@ -138,19 +151,35 @@ fn main() {
         return;
     }
     println!("scene of FastDEM, 257 x 257 cells of 0.1 m, empty map, one thread, least of 30 runs");
-    println!("points   cells   points [ms]  [ns/point]  counters + D [ms]  sum / FastDEM");
-    for (rings, columns, fastdem) in [(60, 500, 1.7), (125, 1000, 7.6)] {
+    println!("points   cells   points [ms]  [ns/point]  commit [ms]  sum / FastDEM");
+    let mut features = Vec::new();
+    for (rings, columns, fastdem, its_features) in [(60, 500, 1.7, 8.6), (125, 1000, 7.6, 14.4)] {
         let points = scan(rings, columns);
         let t = measure(257, &points, 30);
         let sum = t.points_ms + t.commit_ms;
         println!(
-            "{:>6}  {:>6}  {:>11.2}  {:>10.1}  {:>17.2}  {:>13.2}",
+            "{:>6}  {:>6}  {:>11.2}  {:>10.1}  {:>11.2}  {:>13.2}",
             points.len(),
             t.measured,
             t.points_ms,
             t.points_ms * 1e6 / points.len() as f64,
             t.commit_ms,
             sum / fastdem
+        );
+        features.push((t, its_features));
+    }
+    println!(
+        "\nfeatures of the same maps: slope, step, hidden step, cost; D, H, sigma of the tiles"
+    );
+    println!("cells   features [ms]  [ns/cell]  D, H, sigma [ms]  sum / FastDEM's features");
+    for (t, fastdem) in features {
+        println!(
+            "{:>6}  {:>12.2}  {:>9.1}  {:>16.2}  {:>24.2}",
+            t.measured,
+            t.features_ms,
+            t.features_ms * 1e6 / f64::from(t.measured),
+            t.roughness_ms,
+            (t.features_ms + t.roughness_ms) / fastdem
         );
     }
     println!("\nthe same 30,000 points on maps of other sides: work per point does not grow");

@@ -1,8 +1,11 @@
-//! Configuration: about a dozen parameters in SI units, none of which needs tuning.
+//! Configuration: a dozen parameters in SI units, none of which needs tuning, and the limits
+//! of the robot.
 //!
 //! [`Config`] is a value that is checked once; [`PARAMETERS`] is the one list of names,
 //! units, ranges and defaults, read by the command line, by the TOML reader and by the
 //! link (`Configure { parameter, value }` carries the index into this list).
+
+use crate::traversability::{LimitError, Limits};
 
 /// Which return stands for a cell in the statistics.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -51,6 +54,8 @@ pub struct Config {
     pub min_pairs: f32,
     /// iterations of the reconstruction per sweep; 0 = no reconstruction
     pub iterations: f32,
+    /// what the robot can do
+    pub limits: Limits,
 }
 
 impl Default for Config {
@@ -68,6 +73,7 @@ impl Default for Config {
             detrend: true,
             min_pairs: 0.0,
             iterations: 0.0,
+            limits: Limits::default(),
         };
         for parameter in PARAMETERS {
             (parameter.write)(&mut config, parameter.default);
@@ -115,6 +121,23 @@ macro_rules! parameter {
             live: $live,
             read: |config| config.$name,
             write: |config, value| config.$name = value,
+        }
+    };
+}
+
+/// A limit of traversability: its name, its place in [`Limits`], unit, range, default.
+macro_rules! limit {
+    ($name:ident, $($place:ident).+, $unit:literal, $min:literal ..= $max:literal, $default:literal, $help:literal) => {
+        Parameter {
+            name: stringify!($name),
+            unit: $unit,
+            help: $help,
+            min: $min,
+            max: $max,
+            default: $default,
+            live: true,
+            read: |config| config.limits.$($place).+,
+            write: |config, value| config.limits.$($place).+ = value,
         }
     };
 }
@@ -226,6 +249,118 @@ pub const PARAMETERS: &[Parameter] = &[
         true,
         "iterations of the reconstruction per sweep, 0 = none"
     ),
+    limit!(
+        slope_safe,
+        slope.safe,
+        "rad",
+        0.0..=1.5,
+        0.26,
+        "slope up to which there is no cost"
+    ),
+    limit!(
+        slope_critical,
+        slope.critical,
+        "rad",
+        0.001..=1.57,
+        0.61,
+        "slope that is impassable"
+    ),
+    limit!(
+        step_safe,
+        step.safe,
+        "m",
+        0.0..=100.0,
+        0.1,
+        "step up to which there is no cost"
+    ),
+    limit!(
+        step_critical,
+        step.critical,
+        "m",
+        0.0001..=100.0,
+        0.25,
+        "step that is impassable"
+    ),
+    limit!(
+        roughness_safe,
+        roughness.safe,
+        "m",
+        0.0..=100.0,
+        0.05,
+        "rms difference at the wheel base up to which there is no cost"
+    ),
+    limit!(
+        roughness_critical,
+        roughness.critical,
+        "m",
+        0.0001..=100.0,
+        0.2,
+        "rms difference at the wheel base that is impassable"
+    ),
+    limit!(
+        dimension_safe,
+        dimension.safe,
+        "",
+        0.0..=4.0,
+        2.8,
+        "fractal dimension up to which there is no cost"
+    ),
+    limit!(
+        dimension_critical,
+        dimension.critical,
+        "",
+        2.0..=10.0,
+        3.4,
+        "fractal dimension that is impassable; above 3 none is"
+    ),
+    limit!(
+        uncertainty_safe,
+        uncertainty.safe,
+        "m",
+        0.0..=100.0,
+        0.1,
+        "standard deviation of the elevation up to which there is no cost"
+    ),
+    limit!(
+        uncertainty_critical,
+        uncertainty.critical,
+        "m",
+        0.0001..=100.0,
+        0.3,
+        "standard deviation of the elevation that is impassable"
+    ),
+    limit!(
+        hidden_step_safe,
+        hidden_step.safe,
+        "",
+        0.0..=1.0,
+        0.1,
+        "chance of a hidden step up to which there is no cost"
+    ),
+    limit!(
+        hidden_step_critical,
+        hidden_step.critical,
+        "",
+        0.001..=10.0,
+        0.9,
+        "chance of a hidden step that is impassable; above 1 none is"
+    ),
+    limit!(
+        window,
+        window,
+        "m",
+        0.001..=1000.0,
+        0.3,
+        "radius around a cell that slope and step are taken from, at most 8 cells"
+    ),
+    limit!(
+        wheel_base,
+        wheel_base,
+        "m",
+        0.001..=1000.0,
+        0.5,
+        "distance between the contacts with the ground"
+    ),
 ];
 
 /// A parameter that cannot be set so.
@@ -246,6 +381,8 @@ pub enum ConfigError {
     Side(usize),
     /// a plane of memory has the wrong length
     Memory(&'static str),
+    /// limits of traversability that contradict each other
+    Limit(LimitError),
 }
 
 impl core::fmt::Display for ConfigError {
@@ -265,6 +402,7 @@ impl core::fmt::Display for ConfigError {
             ConfigError::Side(n) => {
                 write!(f, "a map of {n} cells a side: must be 2^k + 1, 33 … 1025")
             }
+            ConfigError::Limit(error) => error.fmt(f),
             ConfigError::Memory(what) => write!(f, "memory for {what} has the wrong length"),
         }
     }
@@ -288,12 +426,17 @@ impl Config {
         Ok(())
     }
 
-    /// Sets a parameter that may change while a map is kept.
+    /// Sets a parameter that may change while a map is kept. Of a pair of limits the one
+    /// that widens it has to come first: safe stays below critical.
     pub fn set_live(&mut self, index: u8, value: f32) -> Result<(), ConfigError> {
+        let mut changed = *self;
         match PARAMETERS.get(index as usize) {
-            Some(parameter) if !parameter.live => Err(ConfigError::Fixed(index)),
-            _ => self.set(index, value),
+            Some(parameter) if !parameter.live => return Err(ConfigError::Fixed(index)),
+            _ => changed.set(index, value)?,
         }
+        changed.limits.check().map_err(ConfigError::Limit)?;
+        *self = changed;
+        Ok(())
     }
 
     /// Number of the parameter called `name`.
@@ -313,13 +456,13 @@ impl Config {
         }
     }
 
-    /// Every parameter within its range?
+    /// Every parameter within its range, and no limits that contradict each other?
     pub fn check(&self) -> Result<(), ConfigError> {
         let mut copy = *self;
         for (i, parameter) in PARAMETERS.iter().enumerate() {
             copy.set(i as u8, parameter.get(self))?;
         }
-        Ok(())
+        self.limits.check().map_err(ConfigError::Limit)
     }
 }
 
@@ -328,9 +471,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn defaults_are_valid_and_the_list_has_a_dozen_names() {
+    fn defaults_are_valid_and_the_list_is_a_dozen_and_the_limits() {
         Config::default().check().unwrap();
-        assert_eq!(PARAMETERS.len(), 12);
+        assert_eq!(PARAMETERS.len(), 12 + 14);
+        assert_eq!(Config::default().limits, Limits::default());
         assert_eq!(Config::default().resolution, 0.1);
         assert_eq!(Config::default().moment, Moment::Second);
         assert!((Config::default().height_step() - 0.0005).abs() < 1e-9);
@@ -346,6 +490,21 @@ mod tests {
             assert_ne!(config, Config::default(), "{}", p.name);
             assert_eq!(Config::index_of(p.name), Some(i as u8));
         }
+    }
+
+    #[test]
+    fn limits_stay_in_order_while_they_change() {
+        let index = |name| Config::index_of(name).unwrap();
+        let mut config = Config::default();
+        let raised = config.set_live(index("step_safe"), 0.3);
+        assert_eq!(raised, Err(ConfigError::Limit(LimitError("step"))));
+        assert_eq!(config, Config::default());
+        config.set_live(index("step_critical"), 0.4).unwrap();
+        config.set_live(index("step_safe"), 0.3).unwrap();
+        assert_eq!(
+            (config.limits.step.safe, config.limits.step.critical),
+            (0.3, 0.4)
+        );
     }
 
     #[test]

@@ -20,6 +20,7 @@ pub mod outbox;
 mod progress;
 pub mod reconstruct;
 pub mod report;
+pub mod restore;
 pub mod tiles;
 pub mod traversability;
 pub mod values;

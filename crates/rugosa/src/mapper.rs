@@ -17,6 +17,7 @@ use crate::outbox;
 use crate::progress::{Place, Progress};
 use crate::reconstruct::Reconstruction;
 use crate::report::{Stage, SweepReport};
+use crate::restore::Place as MapPlace;
 use crate::tiles::{Ground, TileGround};
 use crate::traversability::{CellCost, Costs, LimitError, Limits};
 use nalgebra::Isometry3;
@@ -24,7 +25,7 @@ use rugosa_fractal::roughness::{
     Committed, Method, Pool, Settings, StructureFunction, Trend, estimate,
 };
 use rugosa_grid::{Cell, Lattice, State, Tile, Tiles, Window};
-use rugosa_terrain::grid::{Point, Tally, View};
+use rugosa_terrain::grid::{Point, SavedCell, Tally, View};
 use rugosa_terrain::{
     ElevationGrid, Fused, GridConfig, Noise, PoseBuffer, PoseError, Ray, SampleChoice,
 };
@@ -36,7 +37,6 @@ use rugosa_wire::{
 /// The mapper: scanner, poses, grid, counters, roughness.
 pub struct Mapper<'m> {
     config: Config,
-    limits: Limits,
     scanner: Scanner<'m>,
     poses: PoseBuffer,
     progress: Progress<'m>,
@@ -66,7 +66,6 @@ impl<'m> Mapper<'m> {
             .map_err(|_| ConfigError::Memory("cells"))?;
         Ok(Mapper {
             config,
-            limits: Limits::default(),
             scanner: Scanner::unknown(memory.columns, memory.lines),
             poses: pose_buffer(&config),
             progress: Progress::new(memory.received),
@@ -273,7 +272,7 @@ impl<'m> Mapper<'m> {
         );
         observe(Stage::Reconstruction);
         let survey = self.surface.survey(self.progress.sweep() as u16);
-        self.surface.judge(&self.limits);
+        self.surface.judge(&self.config.limits);
         observe(Stage::Traversability);
         self.counters.count(counter::SWEEPS);
         self.counters.set(counter::CELLS_MEASURED, survey.measured);
@@ -321,6 +320,11 @@ impl<'m> Mapper<'m> {
     pub fn new_session(&mut self) {
         self.poses.clear();
         self.progress.forget();
+    }
+
+    pub(crate) fn resume(&mut self, sweep: u32) {
+        self.poses.clear();
+        self.progress.resume(sweep);
     }
 
     /// How roughness is estimated.
@@ -396,13 +400,13 @@ impl<'m> Mapper<'m> {
 
     /// What the robot can do.
     pub fn limits(&self) -> &Limits {
-        &self.limits
+        &self.config.limits
     }
 
     /// Takes over other limits; the costs follow at the next commit.
     pub fn set_limits(&mut self, limits: Limits) -> Result<(), LimitError> {
         limits.check()?;
-        self.limits = limits;
+        self.config.limits = limits;
         self.surface.ground.all_stale();
         Ok(())
     }
@@ -463,6 +467,26 @@ impl Surface<'_> {
             ground.changed(window, cell);
         });
         ground.all_stale();
+    }
+
+    /// Empties the map and moves it to a place.
+    pub(crate) fn clear(&mut self, place: &MapPlace) {
+        let half = (self.grid.window().side() / 2) as i32;
+        let centre = place.origin.offset(half, half);
+        // once far away and back: every cell has left
+        self.move_to(centre.offset(i32::MIN, 0));
+        self.move_to(centre);
+        self.grid.rebase(place.datum, |_, _, _, _| {});
+    }
+
+    /// Puts a saved cell back; false where it does not fit.
+    pub(crate) fn restore(&mut self, cell: Cell, saved: &SavedCell) -> bool {
+        let (structure, ground) = (&mut self.structure, &mut self.ground);
+        self.grid
+            .restore(cell, saved, |window, samples, cell, old| {
+                structure.replaced(window, samples, cell, old);
+                ground.changed(window, cell);
+            })
     }
 
     /// Follows the robot up and down; true where the datum changed.

@@ -107,6 +107,11 @@ impl<'m> Progress<'m> {
         (self.sweep, self.open, self.lines) = (None, false, 0);
     }
 
+    /// The map is that of an earlier run whose last sweep had this number.
+    pub(crate) fn resume(&mut self, sweep: u32) {
+        (self.sweep, self.open, self.lines) = (Some(sweep), false, 0);
+    }
+
     fn has(&self, line: &ScanLine) -> bool {
         let entry = self.received.get(usize::from(line.line));
         entry.is_some_and(|entry| entry & self.bit_of(line) != 0)

@@ -404,6 +404,21 @@ fn a_wall_is_impassable_and_the_unseen_is_never_free() {
     let costs: Vec<_> = mapper.path(&circle, &poses).map(|c| c.cost).collect();
     assert!(costs[0] < costs[1]);
 
+    // limits change over the link, and the costs follow
+    for (name, value) in [
+        ("step_critical", 3.0),
+        ("step_safe", 2.0),
+        ("slope_critical", 1.57),
+    ] {
+        let parameter = Config::index_of(name).unwrap();
+        let verdict = mapper.configure(&Configure { parameter, value });
+        assert_eq!(verdict, Verdict::Accepted, "{name}");
+    }
+    mapper.commit(&mut |_| {});
+    let lenient = mapper.footprint(&circle, [1.0, 0.0, 0.0]);
+    assert_ne!(lenient.reason, Criterion::Step);
+    assert!(lenient.cost.unwrap() < 1.0, "{lenient:?}");
+
     // the plane of a layer holds the values of its cells
     let mut plane = vec![0.0; 65 * 65];
     for layer in [

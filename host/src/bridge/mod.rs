@@ -11,7 +11,7 @@ pub mod summary;
 pub mod traffic;
 
 pub use module::Module;
-pub use outputs::{Outputs, layers_of, structure_plot};
+pub use outputs::{Extras, Outputs, draw_way, known_part, layers_of, structure_plot, timings};
 pub use serve::Bridge;
 pub use summary::{Summary, Truth};
 pub use traffic::Traffic;

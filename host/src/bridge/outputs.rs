@@ -4,11 +4,14 @@ use super::summary::{Summary, Truth};
 use crate::config::decimal;
 use crate::draw::loglog::PowerLaw;
 use crate::draw::{self, StructurePlot};
-use crate::error::Result;
+use crate::error::{Failure, Result};
 use crate::export::picture::panel;
 use crate::io::atomic;
 use crate::io::output::{Output, write_raster};
 use crate::layers::Layers;
+use crate::plan::Planner;
+use crate::saved::SavedMap;
+use crate::view::{self, Data, Timings};
 use rugosa::{LAYERS, Mapper};
 use rugosa_fractal::roughness::Moment;
 use std::path::{Path, PathBuf};
@@ -29,23 +32,58 @@ const SIDE_BY_SIDE: usize = 3;
 const MARGIN: usize = 8;
 
 /// Where the results of a run go.
-pub struct Outputs(Output);
+pub struct Outputs {
+    output: Output,
+    extras: Extras,
+}
+
+/// What is written into a directory on request.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Extras {
+    /// `report.html`
+    pub report: bool,
+    /// `plan.png`: the way from the robot to the place that is hardest to reach
+    pub plan: bool,
+}
+
+/// Radius of the robot for which a way is planned \[m\].
+const ROBOT: f32 = 0.25;
 
 impl Outputs {
     /// A directory, or a file whose extension picks what is written: `.json` the
     /// summary, `.npy` or `.asc` the elevation, `.png` the maps.
-    pub fn new(path: &Path) -> Result<Self> {
+    pub fn new(path: &Path, extras: Extras) -> Result<Self> {
         let output = Output::of(path);
         output.check(&["json", "npy", "asc", "png"])?;
-        Ok(Outputs(output))
+        if extras.report && matches!(output, Output::File(_)) {
+            return Err(Failure::input("--report: --out must be a directory"));
+        }
+        Ok(Outputs { output, extras })
     }
 
     /// Writes them and returns the files.
     pub fn save(&self, mapper: &Mapper, summary: &Summary) -> Result<Vec<PathBuf>> {
         let layers = layers_of(mapper);
-        match &self.0 {
-            Output::Directory(directory) => all(directory, mapper, &layers, summary),
+        match &self.output {
             Output::File(path) => one(path, &layers, summary),
+            Output::Directory(directory) => {
+                let mut files = all(directory, mapper, &layers, summary)?;
+                if self.extras.report {
+                    files.push(directory.join("report.html"));
+                    let data = Data::of(
+                        "Map",
+                        mapper,
+                        &known_part(&layers),
+                        summary,
+                        timings(summary),
+                    );
+                    view::report(&directory.join("report.html"), &data)?;
+                }
+                if self.extras.plan {
+                    files.extend(save_plan(directory, mapper, &layers)?);
+                }
+                Ok(files)
+            }
         }
     }
 }
@@ -93,8 +131,71 @@ fn all(
     structure_plot(mapper, summary)
         .draw()?
         .save(&put("structure_function.png"))?;
+    SavedMap::of(mapper).write(&put("map.rugosa"))?;
     save_json(&put("summary.json"), summary)?;
     Ok(files)
+}
+
+/// Durations of a run, for the report.
+pub fn timings(summary: &Summary) -> Timings {
+    let latency = &summary.latency_ms;
+    let mut all = vec![
+        ("run [s]".to_owned(), summary.seconds),
+        (
+            "line, beyond the quickest, mean [ms]".into(),
+            latency.line.mean,
+        ),
+        ("line, the same, greatest [ms]".into(), latency.line.max),
+        (
+            "sweep end to roughness, mean [ms]".into(),
+            latency.sweep.mean,
+        ),
+        (
+            "sweep end to roughness, greatest [ms]".into(),
+            latency.sweep.max,
+        ),
+    ];
+    let round_trip = latency
+        .round_trip
+        .map(|ms| ("round trip, mean [ms]".into(), ms));
+    all.extend(round_trip);
+    all
+}
+
+/// The way to the place that is hardest to reach; nothing where there is none.
+fn save_plan(directory: &Path, mapper: &Mapper, layers: &Layers) -> Result<Option<PathBuf>> {
+    let mut planner = Planner::new(mapper, ROBOT);
+    let robot = mapper.last_pose().map(|(_, body)| body.translation.vector);
+    let from = robot.and_then(|p| planner.nearest([p.x, p.y]));
+    let to = from.and_then(|from| planner.farthest(from));
+    let (Some(from), Some(to)) = (from, to) else {
+        return Ok(None);
+    };
+    let Some(plan) = planner.plan(from, to) else {
+        return Ok(None);
+    };
+    let path = directory.join("plan.png");
+    draw_way(&known_part(layers), &plan.points)?.save(&path)?;
+    Ok(Some(path))
+}
+
+/// A way across elevation and traversability.
+pub fn draw_way(layers: &Layers, way: &[[f64; 2]]) -> Result<draw::Picture> {
+    let drawn = ["elevation", "traversability"].map(|name| layers.get(name));
+    let drawn: Vec<_> = drawn.into_iter().flatten().collect();
+    let rasters: Vec<_> = drawn.iter().map(|layer| layers.raster(layer)).collect();
+    let way: Vec<[f64; 2]> = way
+        .iter()
+        .map(|p| [p[0] + layers.shift[0], p[1] + layers.shift[1]])
+        .collect();
+    let pairs = drawn.iter().zip(&rasters);
+    let panels: Vec<_> = pairs
+        .map(|(layer, raster)| draw::Layer {
+            path: &way,
+            ..panel(layer, raster)
+        })
+        .collect();
+    draw::maps(&panels)
 }
 
 fn save_json(path: &Path, summary: &Summary) -> Result<()> {
@@ -120,7 +221,7 @@ fn draw_maps(layers: &Layers) -> Result<draw::Picture> {
 }
 
 /// The part of the map where something is known, and one tile around it.
-fn known_part(layers: &Layers) -> Layers {
+pub fn known_part(layers: &Layers) -> Layers {
     let known = layers.get("elevation").map_or(&[][..], |l| &l.values);
     let at = |i: usize| (i / layers.columns, i % layers.columns);
     let cells = (0..known.len()).filter(|&i| known[i].is_finite()).map(at);
@@ -152,6 +253,7 @@ pub fn layers_of(mapper: &Mapper) -> Layers {
             f64::from(origin.x) * resolution,
             f64::from(origin.y) * resolution,
         ],
+        shift: [0.0; 2],
         layers: Vec::new(),
     };
     for d in LAYERS {

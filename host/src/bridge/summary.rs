@@ -3,7 +3,7 @@
 use super::traffic::{Extent, Traffic};
 use rugosa::Mapper;
 use rugosa::report::SweepReport;
-use rugosa_fractal::roughness::Roughness;
+use rugosa_fractal::roughness::{Reason, Roughness};
 use rugosa_wire::counter::{self, NAMES};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -105,6 +105,9 @@ pub struct Summary {
     pub estimate: Option<Estimate>,
     /// why there is no estimate
     pub reason: Option<String>,
+    /// the same as it was estimated
+    #[serde(skip)]
+    pub roughness: Option<Result<Roughness, Reason>>,
     /// complete sweeps
     pub sweeps: u32,
     /// line messages
@@ -163,6 +166,7 @@ impl Summary {
                 Some(Err(reason)) => Some(format!("{reason:?}")),
                 Some(Ok(_)) => None,
             },
+            roughness,
             sweeps: get(counter::SWEEPS),
             lines: lines(mapper),
             returns: Returns {

@@ -1,7 +1,7 @@
 //! `rugosa demo`: scanner → virtual serial cable → bridge → maps, nothing else needed.
 
 use super::send::{self, Place, Script};
-use super::session::{self, MapArgs};
+use super::session::{self, Live, MapArgs};
 use super::simulation::SimulationArgs;
 use crate::bridge::{Module, Summary};
 use crate::console::Console;
@@ -9,9 +9,11 @@ use crate::error::{Failure, Result};
 use crate::link::PortName;
 use crate::planes::HeapPlanes;
 use crate::recording::Recorder;
+use crate::view::live::LOOPBACK;
 use rugosa_hil_sim::faults::Faults;
 use rugosa_hil_sim::port::{Cable, CableSettings, End};
 use rugosa_hil_sim::transmit::Sent;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -29,6 +31,7 @@ Examples:
   rugosa demo
   rugosa demo --dimension 2.6 --sigma 0.05 --sweeps 30 --out rough
   rugosa demo --device lidar --speed 1 --record demo.mcap
+  rugosa demo --speed 1 --live --report
   rugosa demo --bit-error-rate 1e-6 --json")]
 pub struct Args {
     #[command(flatten)]
@@ -50,6 +53,10 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
 
+    /// Show the map in a browser as it grows (with --speed 1, say)
+    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = LOOPBACK)]
+    live: Option<SocketAddr>,
+
     #[command(flatten)]
     map: MapArgs,
 }
@@ -61,14 +68,18 @@ pub fn run(args: &Args, console: &Console) -> Result<()> {
     }
     let pace = send::pace(args.speed)?;
     let map = MapArgs {
-        config: args.map.config.clone(),
         out: Some(args.map.out.clone().unwrap_or_else(|| "out/demo".into())),
+        ..args.map.clone()
     };
-    let (settings, outputs) = map.check()?;
+    let checked = map.check_with(true)?;
+    let live = args
+        .live
+        .map(|address| Live::start(address, console))
+        .transpose()?;
     let stop = session::stop()?;
     let (simulation, truth) = args.simulation.make(Some(args.sweeps))?;
-    let mut planes = HeapPlanes::new(settings.side);
-    let mut module = session::module(&settings, &mut planes)?;
+    let mut planes = HeapPlanes::new(checked.settings.side);
+    let mut module = checked.module(&mut planes)?;
     if let Some(path) = &args.record {
         module.record_into(Recorder::create(path)?);
     }
@@ -81,7 +92,7 @@ pub fn run(args: &Args, console: &Console) -> Result<()> {
         messages: Box::new(simulation.messages_ahead(AHEAD)),
         pace,
     };
-    let sent = bridge(&cable, script, stop, &mut module, console);
+    let sent = bridge(&cable, script, stop, &mut module, (console, live));
     module.close();
     module.finish()?;
     let sent = sent?;
@@ -94,7 +105,7 @@ pub fn run(args: &Args, console: &Console) -> Result<()> {
     );
     summary.truth = truth;
     summary.sent(sent.lines);
-    session::finish(&module.mapper, &summary, outputs.as_ref(), console)
+    session::finish(&module.mapper, &summary, checked.outputs.as_ref(), console)
 }
 
 /// A cable whose way from scanner to bridge errs.
@@ -118,8 +129,9 @@ fn bridge(
     script: Script,
     stop: &AtomicBool,
     module: &mut Module,
-    console: &Console,
+    (console, mut live): (&Console, Option<Live>),
 ) -> Result<Sent> {
+    let started = Instant::now();
     let (near, far) = (cable.path(End::A), cable.path(End::B));
     let far = PortName::Path(far.to_string_lossy().into_owned());
     let mut bridge = session::bridge(module, far, send::BAUD, console)?;
@@ -130,6 +142,11 @@ fn bridge(
         let never = AtomicBool::new(false);
         let served = bridge.serve(module, &never, |module| {
             session::show(&mut progress, module);
+            let shown = live.as_mut().map(|live| live.show(module, started));
+            if let Some(Err(failure)) = shown {
+                console.note(failure);
+                live = None;
+            }
             if module.traffic.lines != lines || !sender.is_finished() {
                 (lines, quiet) = (module.traffic.lines, Instant::now());
             }

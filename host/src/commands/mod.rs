@@ -15,8 +15,10 @@ pub mod doctor;
 pub mod fis;
 pub mod ifs;
 pub mod info;
+pub mod live;
 pub mod man;
 pub mod map;
+pub mod merge;
 pub mod reconstruct;
 pub mod record;
 pub mod replay;
@@ -40,6 +42,8 @@ pub enum Command {
     Demo(demo::Args),
     /// Map what a scanner on a serial port sends
     Scan(scan::Args),
+    /// Map what a scanner sends and show it in a browser
+    Live(live::Args),
     /// Record what a scanner on a serial port sends
     Record(record::Args),
     /// Map a recording, or play it into a serial port
@@ -48,6 +52,8 @@ pub enum Command {
     Simulate(simulate::Args),
     /// Make a map of files of points or of rasters
     Map(map::Args),
+    /// Merge saved maps by variance, or cut a part out of one
+    Merge(merge::Args),
     /// Estimate the fractal dimension of points or of a raster
     Dimension(dimension::Args),
     /// Local roughness of a raster in moving windows
@@ -87,6 +93,8 @@ pub fn run(command: &Command, console: &Console) -> Result<()> {
         Command::Replay(args) => replay::run(args, console),
         Command::Simulate(args) => simulate::run(args, console),
         Command::Map(args) => map::run(args, console),
+        Command::Merge(args) => merge::run(args, console),
+        Command::Live(args) => live::run(args, console),
         Command::Dimension(args) => dimension::run(args, console),
         Command::Roughness(args) => roughness::run(args, console),
         Command::Densify(args) => densify::run(args, console),

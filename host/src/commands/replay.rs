@@ -114,9 +114,10 @@ fn tell_ending(recording: &Recording, console: &Console) {
 }
 
 fn map(args: &Args, console: &Console) -> Result<()> {
-    let (settings, outputs) = args.map.check()?;
-    let mut planes = HeapPlanes::new(settings.side);
-    let mut module = session::module(&settings, &mut planes)?;
+    let checked = args.map.check()?;
+    let mut planes = HeapPlanes::new(checked.settings.side);
+    let mut module = checked.module(&mut planes)?;
+    module.new_session();
     let mut recording = Recording::open(&args.file)?;
     let started = Instant::now();
     let stop = session::stop()?;
@@ -144,5 +145,5 @@ fn map(args: &Args, console: &Console) -> Result<()> {
         &module.traffic,
         seconds,
     );
-    session::finish(&module.mapper, &summary, outputs.as_ref(), console)
+    session::finish(&module.mapper, &summary, checked.outputs.as_ref(), console)
 }

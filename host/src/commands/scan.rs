@@ -1,6 +1,6 @@
 //! `rugosa scan`: the bridge from a scanner on a serial port to a map.
 
-use super::session::{self, MapArgs};
+use super::session::{self, Live, MapArgs};
 use crate::bridge::Summary;
 use crate::console::Console;
 use crate::error::Result;
@@ -43,19 +43,28 @@ pub struct Args {
 
 /// Serves the port.
 pub fn run(args: &Args, console: &Console) -> Result<()> {
-    let (settings, outputs) = args.map.check()?;
-    let mut planes = HeapPlanes::new(settings.side);
-    let mut module = session::module(&settings, &mut planes)?;
+    serve(args, None, console)
+}
+
+/// Serves the port, with a live view.
+pub fn serve(args: &Args, mut live: Option<Live>, console: &Console) -> Result<()> {
+    let checked = args.map.check()?;
+    let mut planes = HeapPlanes::new(checked.settings.side);
+    let mut module = checked.module(&mut planes)?;
     let mut bridge = session::bridge(&module, args.port.clone(), args.baud, console)?;
     if let Some(path) = &args.record {
         module.record_into(Recorder::create(path)?);
     }
     let started = Instant::now();
     let mut progress = console.progress("scan", None);
+    let mut shown = Ok(());
     let served = bridge.serve(&mut module, session::stop()?, |module| {
         session::show(&mut progress, module);
-        args.sweeps
-            .is_some_and(|n| module.mapper.counters().get(counter::SWEEPS) >= n)
+        shown = live
+            .as_mut()
+            .map_or(Ok(()), |live| live.show(module, started));
+        let sweeps = module.mapper.counters().get(counter::SWEEPS);
+        shown.is_err() || args.sweeps.is_some_and(|n| sweeps >= n)
     });
     drop(progress);
     // what had arrived is saved before an error is told
@@ -68,6 +77,6 @@ pub fn run(args: &Args, console: &Console) -> Result<()> {
         &module.traffic,
         seconds,
     );
-    session::finish(&module.mapper, &summary, outputs.as_ref(), console)?;
-    served
+    session::finish(&module.mapper, &summary, checked.outputs.as_ref(), console)?;
+    shown.and(served)
 }

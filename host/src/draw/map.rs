@@ -30,6 +30,8 @@ pub struct Layer<'a> {
     pub range: Option<(f64, f64)>,
     /// shade by the layer's own slope: for elevations
     pub shaded: bool,
+    /// a way across the map, x and y \[m\]; empty for none
+    pub path: &'a [[f64; 2]],
 }
 
 impl<'a> Layer<'a> {
@@ -42,6 +44,7 @@ impl<'a> Layer<'a> {
             palette: Palette::Viridis,
             range: None,
             shaded: true,
+            path: &[],
         }
     }
 
@@ -54,6 +57,7 @@ impl<'a> Layer<'a> {
             palette: Palette::Cividis,
             range: Some((2.0, 3.0)),
             shaded: false,
+            path: &[],
         }
     }
 
@@ -67,10 +71,12 @@ impl<'a> Layer<'a> {
             palette: Palette::Magma,
             range: Some((0.0, high)),
             shaded: false,
+            path: &[],
         }
     }
 
-    fn ends(&self) -> (f64, f64) {
+    /// Least and greatest value of the colour bar.
+    pub fn ends(&self) -> (f64, f64) {
         let (low, high) = self.range.unwrap_or_else(|| percentiles(self.raster));
         if high - low > 1e-9 * (1.0 + low.abs()) {
             (low, high)
@@ -245,8 +251,29 @@ fn annotate(area: &Area, layer: &Layer, frame: &Frame) -> Result<()> {
     axes(area, frame)?;
     scale_bar(area, frame)?;
     bar_labels(area, layer, frame)?;
+    draw_path(area, layer.path, frame)?;
     let (left, top) = swatch(frame);
     write(area, "unknown", (left + 28, top + 8), 14, Anchor::Right)
+}
+
+/// The way, with a ring where it begins and a disc where it ends.
+fn draw_path(area: &Area, path: &[[f64; 2]], frame: &Frame) -> Result<()> {
+    let points: Vec<_> = path
+        .iter()
+        .map(|p| (frame.x(p[0]), frame.y(p[1])))
+        .collect();
+    let (Some(&first), Some(&last)) = (points.first(), points.last()) else {
+        return Ok(());
+    };
+    for (colour, width) in [(WHITE, 6), (RGBColor(200, 30, 30), 3)] {
+        let way = PathElement::new(points.clone(), colour.stroke_width(width));
+        area.draw(&way).map_err(drawing)?;
+        let ring = Circle::new(first, 7, colour.stroke_width(width));
+        area.draw(&ring).map_err(drawing)?;
+        let disc = Circle::new(last, 5 + width as i32 / 2, colour.filled());
+        area.draw(&disc).map_err(drawing)?;
+    }
+    Ok(())
 }
 
 fn outline(area: &Area, left: i32, right: i32, frame: &Frame) -> Result<()> {

@@ -1,14 +1,16 @@
 //! A map in the formats others read.
 
 pub mod geotiff;
-pub mod grid_map;
 pub mod mesh;
 pub mod nav2;
+pub mod npz;
 pub mod picture;
+pub mod ros;
 
 use crate::error::Result;
 use crate::io::{asc, npy};
 use crate::layers::Layers;
+use crate::saved::SavedMap;
 use clap::ValueEnum;
 use std::path::{Path, PathBuf};
 
@@ -17,6 +19,8 @@ use std::path::{Path, PathBuf};
 pub enum Format {
     /// NumPy arrays, one per layer: row = y ascending, NaN unknown
     Npy,
+    /// all layers in one NumPy archive, with resolution and corner
+    Npz,
     /// ESRI ASCII grids, one per layer
     Asc,
     /// GeoTIFF, one per layer, float32
@@ -25,17 +29,32 @@ pub enum Format {
     Png,
     /// the elevation as a triangle mesh
     Ply,
-    /// map.yaml + map.pgm for the map server of nav2 of nav2, graded costs
+    /// map.yaml + map.pgm for the map server of nav2, graded costs (mode raw)
     Nav2,
-    /// ROS 2 bag with grid_map_msgs/msg/GridMap and nav_msgs/msg/OccupancyGrid
+    /// map_trinary.yaml + map_trinary.pgm for the same: free, impassable or unknown
+    Nav2Trinary,
+    /// every cell exactly, to be loaded, cut and merged again (map.rugosa)
+    Rugosa,
+    /// ROS 2 bag: GridMap, OccupancyGrid, PointCloud2, Foxglove's Grid
     Mcap,
 }
 
 /// Writes the map in each of the formats and returns the files.
-pub fn save(layers: &Layers, directory: &Path, formats: &[Format]) -> Result<Vec<PathBuf>> {
+pub fn save(
+    layers: &Layers,
+    saved: &SavedMap,
+    directory: &Path,
+    formats: &[Format],
+) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for format in formats {
-        files.extend(format.save(layers, directory)?);
+        if *format == Format::Rugosa {
+            let path = directory.join("map.rugosa");
+            saved.write(&path)?;
+            files.push(path);
+        } else {
+            files.extend(format.save(layers, directory)?);
+        }
     }
     Ok(files)
 }
@@ -48,8 +67,11 @@ impl Format {
         };
         match self {
             Format::Ply => one("surface.ply", mesh::write),
-            Format::Mcap => one("map.mcap", grid_map::write),
-            Format::Nav2 => nav2::write(directory, layers),
+            Format::Mcap => one("map.mcap", ros::write),
+            Format::Npz => one("map.npz", npz::write),
+            Format::Nav2 => nav2::write(directory, layers, nav2::Mode::Raw),
+            Format::Nav2Trinary => nav2::write(directory, layers, nav2::Mode::Trinary),
+            Format::Rugosa => Ok(Vec::new()), // of the cells, not of the layers
             Format::Npy | Format::Asc | Format::Geotiff | Format::Png => {
                 self.each(layers, directory)
             }
@@ -73,15 +95,13 @@ impl Format {
         Ok(files)
     }
 
+    /// Of the formats with one file per layer.
     fn extension(self) -> &'static str {
         match self {
-            Format::Npy => "npy",
             Format::Asc => "asc",
             Format::Geotiff => "tif",
             Format::Png => "png",
-            Format::Ply => "ply",
-            Format::Nav2 => "yaml",
-            Format::Mcap => "mcap",
+            _ => "npy",
         }
     }
 }

@@ -30,6 +30,9 @@ pub fn panel<'a>(layer: &'a Layer, raster: &'a Raster) -> draw::Layer<'a> {
 fn title(layer: &Layer) -> &str {
     match layer.name.as_str() {
         "elevation" => "Elevation",
+        "slope" => "Slope",
+        "step" => "Step",
+        "traversability" => "Traversability: 1 free, 0 impassable",
         "mean" => "Reconstruction: mean",
         "realisation" => "Reconstruction: realisation",
         "standard_deviation" => "Standard deviation of the reconstruction",

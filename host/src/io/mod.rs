@@ -3,10 +3,17 @@
 //! A reader either returns everything or one [`Failure`] that names the file and the
 //! place in it; a writer writes the whole file or leaves what was there ([`atomic`]).
 
+pub mod archive;
 pub mod asc;
 pub mod atomic;
+pub mod bag;
+pub mod geotiff;
+pub mod las;
 pub mod npy;
+pub mod npz;
 pub mod output;
+pub mod pcd;
+pub mod perceptron;
 pub mod ply;
 pub mod text;
 
@@ -115,14 +122,21 @@ impl Raster {
 
     /// The known nodes as points.
     pub fn points(&self) -> Vec<[f64; 3]> {
-        let node = |i: usize| {
-            let (row, column) = (i / self.columns, i % self.columns);
-            let x = self.origin[0] + column as f64 * self.spacing_x;
-            let y = self.origin[1] + row as f64 * self.spacing_y;
+        let point = |i: usize| {
+            let [x, y] = self.node(i);
             [x, y, f64::from(self.values[i])]
         };
         let known = (0..self.values.len()).filter(|&i| self.values[i].is_finite());
-        known.map(node).collect()
+        known.map(point).collect()
+    }
+
+    /// x and y of node `i`, counted row by row \[m\].
+    pub fn node(&self, i: usize) -> [f64; 2] {
+        let (row, column) = (i / self.columns, i % self.columns);
+        [
+            self.origin[0] + column as f64 * self.spacing_x,
+            self.origin[1] + row as f64 * self.spacing_y,
+        ]
     }
 }
 
@@ -161,14 +175,35 @@ impl FromStr for Spacing {
 }
 
 /// Reads points or a raster, whichever the file holds. `spacing` is needed for a 2-D
-/// `.npy`, which does not carry its own.
+/// array of NumPy or an image, where it does not carry its own.
+///
+/// ```
+/// use rugosa_host::io::{self, Dataset};
+/// # fn main() -> rugosa_host::error::Result<()> {
+/// # let folder = tempfile::tempdir().unwrap();
+/// let path = folder.path().join("points.csv");
+/// std::fs::write(&path, "x,y,z\n1,2,0.5\n3,4,nan\n").unwrap();
+/// let Dataset::Points(points) = io::read(&path, None)? else {
+///     panic!("a raster")
+/// };
+/// assert_eq!(points.xyz, [[1.0, 2.0, 0.5]]);
+/// assert_eq!(points.skipped, 1);
+/// # Ok(()) }
+/// ```
 pub fn read(path: &Path, spacing: Option<Spacing>) -> Result<Dataset> {
     match extension(path).as_str() {
         "csv" => text::read_csv(path).map(Dataset::Points),
         "xyz" | "txt" => text::read_xyz(path).map(Dataset::Points),
         "ply" => ply::read(path).map(Dataset::Points),
+        "pcd" => pcd::read(path).map(Dataset::Points),
+        "las" | "laz" => las::read(path).map(Dataset::Points),
+        "mcap" => bag::read(path).map(Dataset::Points),
         "asc" => asc::read(path).map(Dataset::Raster),
+        "tif" | "tiff" => geotiff::read(path, spacing).map(Dataset::Raster),
         "npy" => npy::read(path, spacing),
+        "npz" => npz::read(path, spacing),
+        "perc" => perceptron::read(path).map(Dataset::Points),
+        _ if starts_as_perceptron(path) => perceptron::read(path).map(Dataset::Points),
         other => Err(Failure::file(path, unknown_extension(other))),
     }
 }
@@ -187,13 +222,20 @@ pub fn read_raster(path: &Path, spacing: Option<Spacing>) -> Result<Raster> {
         Dataset::Raster(raster) => Ok(raster),
         Dataset::Points(_) => Err(Failure::file(
             path,
-            "holds points; a raster (.asc or 2-D .npy) is needed here",
+            "holds points; a raster (.asc, .tif or 2-D .npy) is needed here",
         )),
     }
 }
 
+/// The images of the range image database have no common extension.
+fn starts_as_perceptron(path: &Path) -> bool {
+    let mut start = [0; 8];
+    let read = File::open(path).and_then(|mut file| file.read_exact(&mut start));
+    read.is_ok() && perceptron::is_one(&start)
+}
+
 fn unknown_extension(extension: &str) -> String {
-    let known = "known are .csv .xyz .txt .ply .npy .asc";
+    let known = "known are .csv .xyz .txt .ply .pcd .las .laz .mcap .npy .npz .asc .tif .perc";
     if extension.is_empty() {
         format!("a file name without an extension; {known}")
     } else {

@@ -3,7 +3,7 @@
 
 use super::{Dataset, Points, Raster, Spacing, atomic, open};
 use crate::error::{Failure, Result};
-use npyz::{NpyFile, Order, TypeChar, WriterBuilder};
+use npyz::{AutoSerialize, NpyFile, Order, TypeChar, WriterBuilder};
 use std::io::{self, BufRead, Read, Write};
 use std::path::Path;
 
@@ -18,11 +18,15 @@ pub struct Array {
 
 /// Reads a raster, or points where the array is N × 3 and `spacing` is not given.
 pub fn read(path: &Path, spacing: Option<Spacing>) -> Result<Dataset> {
-    let array = read_array(path)?;
+    dataset(path, &read_array(path)?, spacing)
+}
+
+/// The raster or the points that an array of `path` is.
+pub fn dataset(path: &Path, array: &Array, spacing: Option<Spacing>) -> Result<Dataset> {
     match (array.shape.as_slice(), spacing) {
-        (&[_, 3], None) => points(path, &array).map(Dataset::Points),
+        (&[_, 3], None) => points(path, array).map(Dataset::Points),
         (&[rows, columns], Some(spacing)) => {
-            raster(path, [rows, columns], spacing, &array).map(Dataset::Raster)
+            raster(path, [rows, columns], spacing, array).map(Dataset::Raster)
         }
         (&[_, _], None) => Err(Failure::file(
             path,
@@ -37,7 +41,12 @@ pub fn read(path: &Path, spacing: Option<Spacing>) -> Result<Dataset> {
 
 /// Reads an array of floats or integers.
 pub fn read_array(path: &Path) -> Result<Array> {
-    let (mut file, length) = open(path)?;
+    let (file, length) = open(path)?;
+    parse(path, file, length)
+}
+
+/// Reads an array of `length` bytes; `path` is for messages.
+pub fn parse(path: &Path, mut file: impl BufRead, length: u64) -> Result<Array> {
     check_header(path, &mut file)?;
     let npy = NpyFile::new(file).map_err(|e| Failure::file(path, e))?;
     let shape: Vec<usize> = npy.shape().iter().map(|&n| n as usize).collect();
@@ -58,7 +67,7 @@ pub fn read_array(path: &Path) -> Result<Array> {
 }
 
 /// Refuses headers whose shape cannot be counted, before they are parsed.
-fn check_header(path: &Path, file: &mut impl BufRead) -> Result<()> {
+pub fn check_header(path: &Path, file: &mut impl BufRead) -> Result<()> {
     let start = file.fill_buf().map_err(|e| Failure::file(path, e))?;
     let header = String::from_utf8_lossy(&start[..start.len().min(4096)]);
     let shape = header
@@ -152,8 +161,12 @@ pub fn write(path: &Path, rows: usize, columns: usize, values: &[f32]) -> Result
     })
 }
 
-/// Encodes a float32 array of any shape.
-pub fn encode(writer: &mut dyn Write, shape: &[u64], values: &[f32]) -> io::Result<()> {
+/// Encodes an array of any shape.
+pub fn encode<T: AutoSerialize + Copy>(
+    writer: &mut dyn Write,
+    shape: &[u64],
+    values: &[T],
+) -> io::Result<()> {
     let mut npy = npyz::WriteOptions::new()
         .default_dtype()
         .shape(shape)

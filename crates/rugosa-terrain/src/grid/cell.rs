@@ -18,6 +18,8 @@
 //!
 //! Cost: 12 floating operations, one of them a division.
 
+use super::SavedCell;
+
 /// What a cell holds, 16 bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
@@ -85,6 +87,23 @@ impl GroundCell {
     /// Returns fused since the cell started; saturates at 8191.
     pub fn count(&self) -> u16 {
         self.tally & COUNT_MAX
+    }
+
+    /// The count and the gated returns in a row, packed.
+    pub(super) fn tally(&self) -> u16 {
+        self.tally
+    }
+
+    /// A cell as it was; `heights` are its extremes above the datum.
+    pub(super) fn restored(saved: &SavedCell, [min, max]: [i16; 2]) -> Self {
+        GroundCell {
+            elevation: saved.elevation,
+            variance: saved.variance,
+            min,
+            max,
+            tally: saved.tally,
+            last_sweep: saved.last_sweep,
+        }
     }
 
     #[inline]

@@ -12,6 +12,7 @@
 //! | `stripe` | many points at a time |
 //! | `shift` | moves and changes of the datum |
 //! | `clear` | ghosts: beams that passed below a cell |
+//! | `save` | what a cell holds, out and back |
 //! | `config` | parameters |
 //!
 //! **Samples that change.** The caller may keep statistics over pairs of samples, so it
@@ -29,12 +30,14 @@ mod cell;
 mod clear;
 mod config;
 mod fuse;
+mod save;
 mod shift;
 mod stripe;
 
 pub use cell::GroundCell;
 pub use config::{GridConfig, GridError, SampleChoice};
 pub use fuse::{Fused, Point, Tally, View};
+pub use save::SavedCell;
 
 use cell::Gate;
 use rugosa_grid::{Cell, Lattice, Sample, State, Window};
