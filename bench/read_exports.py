@@ -7,8 +7,8 @@ usage: read_exports.py path/to/rugosa
 Two maps without any symmetry: a raster with a hole, far from the origin, and the map of a
 simulated robot that has moved. Each export is opened with an independent reader (numpy,
 Pillow, PyYAML, mcap + rosbags, rasterio, plyfile) and compared cell by cell, so that a
-swapped or mirrored axis cannot pass. Then laspy and rasterio write points and a raster,
-which `rugosa info` has to describe. A reader that is not installed is said in the last
+swapped or mirrored axis cannot pass. Then laspy, rasterio and rosbags write points, a raster
+and a bag, which `rugosa info` has to describe. A reader that is not installed is said in the last
 line, and the exit code is then 3.
 """
 import importlib
@@ -203,7 +203,39 @@ def las(folder, info):
         cloud.write(str(folder / name))
         found = info(folder / name)
         assert found["points"] == 3 and np.allclose(found["min_m"], [1, 10, -0.25]) and np.allclose(found["max_m"], [4, 50, 2])
-        print(f"  {name} (laspy)               is read")
+        print(f"  {name + ' (laspy)':<32} is read")
+
+
+def bag(folder, info):
+    """A scanner 0.5 m above a robot that drives 1 m/s to the north; one cloud every second."""
+    writer = importlib.import_module("rosbags.rosbag2").Writer
+    plugin = importlib.import_module("rosbags.rosbag2").StoragePlugin.MCAP
+    typesys = importlib.import_module("rosbags.typesys")
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    kind = lambda name: store.types[name]
+    header = lambda t, frame: kind("std_msgs/msg/Header")(kind("builtin_interfaces/msg/Time")(t, 0), frame)
+
+    def transform(t, parent, child, x, y, z):
+        pose = kind("geometry_msgs/msg/Transform")(kind("geometry_msgs/msg/Vector3")(x, y, z), kind("geometry_msgs/msg/Quaternion")(0.0, 0.0, 0.0, 1.0))
+        return kind("tf2_msgs/msg/TFMessage")([kind("geometry_msgs/msg/TransformStamped")(header(t, parent), child, pose)])
+
+    def cloud(t):
+        xyz = np.array([[1.0, 0.0, -0.5], [2.0, 0.0, -0.25]], "<f4")
+        fields = [kind("sensor_msgs/msg/PointField")(n, 4 * i, 7, 1) for i, n in enumerate("xyz")]
+        data = np.frombuffer(xyz.tobytes(), np.uint8)
+        return kind("sensor_msgs/msg/PointCloud2")(header(t, "lidar"), 1, 2, fields, False, 12, 24, data, True)
+
+    with writer(folder / "bag", version=9, storage_plugin=plugin) as out:
+        topics = {"/tf_static": "tf2_msgs/msg/TFMessage", "/tf": "tf2_msgs/msg/TFMessage", "/points": "sensor_msgs/msg/PointCloud2"}
+        at = {topic: out.add_connection(topic, name, typestore=store) for topic, name in topics.items()}
+        put = lambda topic, t, message: out.write(at[topic], t * 10**9, store.serialize_cdr(message, topics[topic]))
+        put("/tf_static", 0, transform(0, "base", "lidar", 0.0, 0.0, 0.5))
+        for t in range(4):
+            put("/tf", t, transform(t, "odom", "base", 0.0, float(t), 0.0))
+            put("/points", t, cloud(t))
+    found = info(next((folder / "bag").glob("*.mcap")))
+    assert found["points"] == 8 and np.allclose(found["min_m"], [1, 0, 0]) and np.allclose(found["max_m"], [2, 3, 0.25]), found
+    print("  bag (rosbags)                    is read")
 
 
 def tif(folder, info):
@@ -217,7 +249,7 @@ def tif(folder, info):
         found = info(folder / name)
         assert (found["rows"], found["columns"], found["known"]) == (30, 40, 1191), found
         assert np.allclose(found["origin_m"], [500.25, 900.25]), found
-        print(f"  {name} (rasterio)           is read")
+        print(f"  {name + ' (rasterio)':<32} is read")
 
 
 def main():
@@ -256,6 +288,7 @@ def main():
         print("files of others")
         attempt(las, folder, lambda path: run("info", path))
         attempt(tif, folder, lambda path: run("info", path))
+        attempt(bag, folder, lambda path: run("info", path))
     if missing:
         print("NOT CHECKED, reader not installed:", ", ".join(sorted(set(missing))))
         sys.exit(3)

@@ -53,6 +53,16 @@ impl<'a, 'm> Planner<'a, 'm> {
     }
 
     /// The cheapest path from `from` to `to` (x, y \[m\]); `None` where there is none.
+    ///
+    /// ```
+    /// use rugosa::Mapper;
+    /// use rugosa_host::{config::Settings, plan::Planner, planes::HeapPlanes};
+    /// let settings = Settings::default();
+    /// let mut planes = HeapPlanes::new(settings.side);
+    /// let mapper = Mapper::new(settings.mapper, planes.lend()).unwrap();
+    /// // nothing is known of an empty map, so there is no way across it
+    /// assert_eq!(Planner::new(&mapper, 0.3).plan([0.0, 0.0], [1.0, 0.0]), None);
+    /// ```
     pub fn plan(&mut self, from: [f32; 2], to: [f32; 2]) -> Option<Plan> {
         let [start, goal] = [from, to].map(|[x, y]| self.mapper.lattice().locate(x, y).0);
         self.cost(start)?;

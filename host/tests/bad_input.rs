@@ -177,3 +177,96 @@ fn maps_of_nothing() {
         "not finite",
     );
 }
+
+#[test]
+fn files_of_every_kind_that_are_empty_or_something_else() {
+    for name in [
+        "a.csv", "a.xyz", "a.ply", "a.pcd", "a.las", "a.laz", "a.mcap", "a.npy", "a.npz", "a.asc",
+        "a.tif", "a.perc",
+    ] {
+        for content in [&b""[..], b"\0", b"rubbish, and more of it\n\n\0\xff\xfe"] {
+            refused(&[(name, content)], &["map", name, "--out", "m"], name);
+        }
+    }
+    let huge_pcd = b"VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 900000000000\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 900000000000\nDATA binary\n1234";
+    refused(&[("a.pcd", huge_pcd)], &["info", "a.pcd"], "do not fit");
+    let huge_image = b"rows: 4096\ncolumns: 4096\n";
+    refused(&[("b.perc", huge_image)], &["info", "b.perc"], "do not fit");
+}
+
+#[test]
+fn saved_maps_that_are_none() {
+    let csv = ("a.csv", &b"0,0,0\n1,1,1\n"[..]);
+    let map = ("a.rugosa", &b"PK\x03\x04 and then nothing"[..]);
+    refused(&[map], &["map", "a.rugosa", "--out", "m"], "a.rugosa");
+    refused(
+        &[map],
+        &["merge", "a.rugosa", "--out", "b.rugosa"],
+        "a.rugosa",
+    );
+    refused(
+        &[map],
+        &["merge", "a.rugosa", "--out", "b.npz"],
+        "ends in .rugosa",
+    );
+    refused(
+        &[csv, map],
+        &["map", "a.csv", "a.rugosa", "--out", "m"],
+        "cannot be mapped together",
+    );
+    refused(
+        &[csv],
+        &["map", "a.csv", "--crop", "0,0,1,1", "--out", "m"],
+        "--crop is for saved maps",
+    );
+    refused(
+        &[map],
+        &["demo", "--resume", "a.rugosa", "--out", "m"],
+        "a.rugosa",
+    );
+}
+
+#[test]
+fn a_report_needs_a_directory() {
+    refused(
+        &[],
+        &["demo", "--report", "--out", "a.json"],
+        "--out must be a directory",
+    );
+    refused(
+        &[("a.mcap", b"")],
+        &["replay", "a.mcap", "--report"],
+        "--out DIR is needed",
+    );
+}
+
+/// What was there before a command failed is there afterwards, byte for byte.
+#[test]
+fn a_failure_leaves_former_results_alone() {
+    let directory = tempfile::tempdir().unwrap();
+    let points: String = (0..400)
+        .map(|i| format!("{},{},{}\n", i % 20, i / 20, i % 3))
+        .collect();
+    fs::write(directory.path().join("a.csv"), &points).unwrap();
+    let export = ["--export", "npy,mcap,nav2,rugosa", "--quiet"];
+    let map = |file: &str| {
+        let command = [&["map", file, "--out", "m"][..], &export].concat();
+        rugosa(&command, directory.path())
+    };
+    assert!(map("a.csv").status.success());
+    let all = || {
+        let entries = fs::read_dir(directory.path().join("m")).unwrap();
+        let mut files: Vec<_> = entries
+            .map(|e| e.unwrap().path())
+            .map(|path| (path.clone(), fs::read(path).unwrap()))
+            .collect();
+        files.sort();
+        files
+    };
+    let before = all();
+    assert!(before.len() > 20);
+    fs::write(directory.path().join("b.csv"), points + "1,2\n").unwrap();
+    assert_eq!(map("b.csv").status.code(), Some(2));
+    assert_eq!(map("missing.csv").status.code(), Some(2));
+    assert!(all() == before);
+}

@@ -217,3 +217,81 @@ fn a_raster_becomes_a_map_in_every_format() {
     assert_eq!(pgm.last(), Some(&255), "the hole is at the lower right");
     assert_ne!(pgm[13], 255, "the upper left is known");
 }
+
+/// Two halves of a surface, mapped apart and merged, are the surface mapped at once.
+#[test]
+fn halves_are_merged_and_cut_again() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = |name: &str| directory.path().join(name).to_str().unwrap().to_owned();
+    let point = |i: i32| {
+        let [x, y] = [i % 120, i / 120].map(|n| 0.025 + 0.05 * f64::from(n));
+        format!("{x} {y} {}\n", (1.1 * x).sin() * (0.7 * y).cos())
+    };
+    for (name, keep) in [("west", 0..70), ("east", 50..120), ("all", 0..120)] {
+        let points = (0..120 * 100).filter(|i| keep.contains(&(i % 120)));
+        fs::write(
+            path(&format!("{name}.xyz")),
+            points.map(point).collect::<String>(),
+        )
+        .unwrap();
+        let out = path(name);
+        let file = path(&format!("{name}.xyz"));
+        rugosa(&[
+            "map",
+            &file,
+            "--resolution",
+            "0.1",
+            "--out",
+            &out,
+            "--export",
+            "rugosa,npy",
+        ]);
+    }
+    let (west, east) = (path("west/map.rugosa"), path("east/map.rugosa"));
+    let merge = |a: &str, b: &str, out: &str| {
+        let out = path(out);
+        let report = json(&["merge", a, b, "--out", &out, "--json"]);
+        assert_eq!(
+            (&report["cells_x"], &report["cells_y"]),
+            (&60.into(), &50.into())
+        );
+        fs::read(out).unwrap()
+    };
+    assert!(merge(&west, &east, "a.rugosa") == merge(&east, &west, "b.rugosa"));
+    let report = json(&[
+        "map",
+        &west,
+        &east,
+        "--out",
+        &path("both"),
+        "--export",
+        "npy",
+        "--report",
+        "--json",
+    ]);
+    assert_eq!(report["cells"]["measured"], 3000);
+    assert!(fs::metadata(path("both/report.html")).unwrap().len() > 4_000_000);
+    let elevation = |name: &str| {
+        let file = path(&format!("{name}/elevation.npy"));
+        rugosa_host::io::npy::read_array(file.as_ref())
+            .unwrap()
+            .values
+    };
+    for (a, b) in elevation("all").iter().zip(elevation("both")) {
+        assert!((a - b).abs() < 1e-4, "{a} {b}");
+    }
+    let part = path("part.rugosa");
+    let report = json(&[
+        "merge",
+        &path("a.rugosa"),
+        "--crop",
+        "1,1,3,2",
+        "--out",
+        &part,
+        "--json",
+    ]);
+    assert_eq!(
+        (&report["cells_x"], &report["cells_y"]),
+        (&20.into(), &10.into())
+    );
+}

@@ -412,6 +412,15 @@ impl core::error::Error for ConfigError {}
 
 impl Config {
     /// Sets parameter number `index` of [`PARAMETERS`]; leaves everything on an error.
+    ///
+    /// ```
+    /// use rugosa::{Config, ConfigError};
+    /// let mut config = Config::default();
+    /// let step = Config::index_of("step_critical").unwrap();
+    /// config.set(step, 0.4).unwrap();
+    /// assert_eq!(config.limits.step.critical, 0.4);
+    /// assert!(matches!(config.set(step, -1.0), Err(ConfigError::OutOfRange { .. })));
+    /// ```
     pub fn set(&mut self, index: u8, value: f32) -> Result<(), ConfigError> {
         let parameter = PARAMETERS
             .get(index as usize)

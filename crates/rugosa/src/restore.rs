@@ -38,6 +38,16 @@ impl Mapper<'_> {
 
     /// Replaces the map by a saved one, made with the same resolution and height step.
     /// Returns the report of a sweep and how many cells did not fit.
+    ///
+    /// ```
+    /// use rugosa::{Config, Mapper, Planes33};
+    /// # let (mut a, mut b) = (Box::new(Planes33::new()), Box::new(Planes33::new()));
+    /// let first = Mapper::new(Config::default(), a.lend()).unwrap();
+    /// let mut second = Mapper::new(Config::default(), b.lend()).unwrap();
+    /// let cells: Vec<_> = first.window().cells().map(|c| (c, first.save(c))).collect();
+    /// let (report, lost) = second.restore(&first.place(), cells);
+    /// assert_eq!((report.measured, lost), (0, 0));
+    /// ```
     pub fn restore(
         &mut self,
         place: &Place,

@@ -14,6 +14,7 @@ use crate::saved::SavedMap;
 use crate::view::{self, Data, Timings};
 use rugosa::{LAYERS, Mapper};
 use rugosa_fractal::roughness::Moment;
+use rugosa_grid::Tiles;
 use std::path::{Path, PathBuf};
 
 /// Layers that are drawn, in the order of the panels.
@@ -256,14 +257,46 @@ pub fn layers_of(mapper: &Mapper) -> Layers {
         shift: [0.0; 2],
         layers: Vec::new(),
     };
+    let mut features = features_of(mapper);
     for d in LAYERS {
         let mut values = vec![f32::NAN; window.len()];
-        mapper.fill(d.layer, &mut values);
+        match FEATURES.iter().position(|&f| f == d.layer) {
+            Some(i) => std::mem::swap(&mut values, &mut features[i]),
+            None => mapper.fill(d.layer, &mut values),
+        }
         if d.name == "elevation" || values.iter().any(|v| v.is_finite()) {
             layers.add(d.name, d.unit, values);
         }
     }
     layers
+}
+
+/// Layers that are worked out together.
+const FEATURES: [rugosa::Layer; 3] = [
+    rugosa::Layer::Slope,
+    rugosa::Layer::Step,
+    rugosa::Layer::HiddenStep,
+];
+
+/// The planes of [`FEATURES`], in one pass over the tiles.
+fn features_of(mapper: &Mapper) -> [Vec<f32>; 3] {
+    let window = mapper.window();
+    let mut planes = [(); 3].map(|()| vec![f32::NAN; window.len()]);
+    for tile in Tiles::of(window).tiles() {
+        let features = mapper.features_of(tile);
+        let rows = features.iter().flatten();
+        for (cell, features) in tile.cells().zip(rows) {
+            let Some(features) = features.filter(|_| window.contains(cell)) else {
+                continue;
+            };
+            let (x, y) = (cell.x - window.origin().x, cell.y - window.origin().y);
+            let place = y as usize * window.side() + x as usize;
+            planes[0][place] = features.slope;
+            planes[1][place] = features.step;
+            planes[2][place] = features.hidden_step;
+        }
+    }
+    planes
 }
 
 /// The structure function of the whole map.

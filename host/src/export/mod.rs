@@ -40,6 +40,24 @@ pub enum Format {
 }
 
 /// Writes the map in each of the formats and returns the files.
+///
+/// ```
+/// use rugosa_host::config::Settings;
+/// use rugosa_host::export::{self, Format};
+/// use rugosa_host::io::{Dataset, Raster};
+/// use rugosa_host::{offline::Cloud, planes::HeapPlanes};
+/// # fn main() -> rugosa_host::error::Result<()> {
+/// # let folder = tempfile::tempdir().unwrap();
+/// let heights = (0..40 * 40).map(|i| 0.1 * (i % 7) as f32).collect();
+/// let raster = Raster::square(40, 40, 0.25, [0.0, 0.0], heights);
+/// let cloud = Cloud::of(vec![Dataset::Raster(raster)], None)?;
+/// let settings = cloud.fit(Settings::default())?;
+/// let mut planes = HeapPlanes::new(settings.side);
+/// let map = cloud.map(&settings, 0.005, &mut planes, |_| {})?;
+/// let files = export::save(&map.layers, &map.saved, folder.path(), &[Format::Mcap])?;
+/// assert!(files[0].ends_with("map.mcap"));
+/// # Ok(()) }
+/// ```
 pub fn save(
     layers: &Layers,
     saved: &SavedMap,

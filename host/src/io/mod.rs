@@ -236,7 +236,9 @@ fn starts_as_perceptron(path: &Path) -> bool {
 
 fn unknown_extension(extension: &str) -> String {
     let known = "known are .csv .xyz .txt .ply .pcd .las .laz .mcap .npy .npz .asc .tif .perc";
-    if extension.is_empty() {
+    if extension == "rugosa" {
+        "a saved map: for `rugosa map`, `rugosa merge` and --resume only".into()
+    } else if extension.is_empty() {
         format!("a file name without an extension; {known}")
     } else {
         format!("unknown file type '.{extension}'; {known}")

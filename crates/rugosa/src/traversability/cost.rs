@@ -71,6 +71,13 @@ impl CellCost {
 }
 
 /// nav2: 0 free … 252, 254 impassable, 255 unknown.
+///
+/// ```
+/// use rugosa::traversability::{grid_map, nav2, occupancy};
+/// assert_eq!([nav2(Some(0.0)), nav2(Some(1.0)), nav2(None)], [0, 254, 255]);
+/// assert_eq!([occupancy(Some(0.5)), occupancy(None)], [50, -1]);
+/// assert_eq!(grid_map(Some(0.25)), 0.75);
+/// ```
 pub fn nav2(cost: Option<f32>) -> u8 {
     match cost {
         None => 255,

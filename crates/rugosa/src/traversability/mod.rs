@@ -33,6 +33,13 @@ pub struct Pair {
 
 impl Pair {
     /// Cost of a value: 0 … 1; NaN has none.
+    ///
+    /// ```
+    /// let step = rugosa::traversability::Pair { safe: 0.1, critical: 0.3 };
+    /// assert_eq!(step.cost(0.05), 0.0);
+    /// assert!((step.cost(0.2) - 0.5).abs() < 1e-6);
+    /// assert_eq!(step.cost(9.0), 1.0);
+    /// ```
     #[inline]
     pub fn cost(&self, value: f32) -> f32 {
         let part = (value - self.safe) / (self.critical - self.safe);

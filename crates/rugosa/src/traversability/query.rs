@@ -66,6 +66,35 @@ fn is_inside(corners: &[[f32; 2]], x: f32, y: f32) -> bool {
 
 impl Mapper<'_> {
     /// What the footprint stands on at a pose (x \[m\], y \[m\], yaw \[rad\]).
+    ///
+    /// ```
+    /// use nalgebra::Isometry3;
+    /// use rugosa::traversability::{Criterion, Footprint};
+    /// use rugosa::{Config, Mapper, Planes65};
+    /// use rugosa_terrain::{Noise, grid::View};
+    /// # let mut planes = Box::new(Planes65::new());
+    /// let mut mapper = Mapper::new(Config::default(), planes.lend()).unwrap();
+    /// // flat ground with a wall at x = 1 m, seen from 10 m above
+    /// let wall = |x: f32| if (x - 1.0).abs() < 0.1 { 0.5 } else { 0.0 };
+    /// let at = |i: i32| (i as f32 + 0.5) * 0.05;
+    /// let points: Vec<[f32; 3]> = (-1600..1600)
+    ///     .map(|i| (at(i % 40), at(i / 40)))
+    ///     .map(|(x, y)| [x, y, wall(x) - 10.0])
+    ///     .collect();
+    /// let view = View {
+    ///     map_from_sensor: &Isometry3::translation(0.0, 0.0, 10.0),
+    ///     noise: &Noise::new(0.005, 0.0, 0.0),
+    ///     sweep: 1,
+    /// };
+    /// mapper.points(&points, &view);
+    /// mapper.commit(&mut |_| {});
+    ///
+    /// let robot = Footprint::Circle(0.2);
+    /// let at_the_wall = mapper.footprint(&robot, [1.0, 0.5, 0.0]);
+    /// assert_eq!(at_the_wall.cost, Some(1.0));
+    /// let far_away = mapper.footprint(&robot, [30.0, 0.0, 0.0]);
+    /// assert_eq!((far_away.cost, far_away.reason), (None, Criterion::Unknown));
+    /// ```
     pub fn footprint(&self, footprint: &Footprint, [x, y, yaw]: [f32; 3]) -> FootprintCost {
         let (sin, cos) = (math::sin(yaw), math::cos(yaw));
         let (origin, ..) = self.lattice().locate(x, y);
