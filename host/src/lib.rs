@@ -21,5 +21,6 @@ pub mod planes;
 pub mod reconstruct;
 pub mod recording;
 pub mod saved;
+pub mod scaling;
 pub mod view;
 pub mod windows;

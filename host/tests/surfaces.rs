@@ -203,6 +203,22 @@ fn bad_input_is_named_and_nothing_is_touched() {
     }
 }
 
+#[test]
+fn what_the_scaling_range_was_chosen_from_is_told_on_request() {
+    let folder = Folder::new(129);
+    let told = folder.json("dimension a.npy --spacing 83 --explain");
+    let bic = told["candidates"]["bic"].as_array().unwrap();
+    assert_eq!(bic.len(), 4);
+    assert!(
+        !told["candidates"]["segments"]
+            .as_array()
+            .unwrap()
+            .is_empty()
+    );
+    let quiet = folder.json("dimension a.npy --spacing 83");
+    assert!(quiet["candidates"].is_null() && quiet["hurst"] == told["hurst"]);
+}
+
 /// Constant heights and holes have a defined result.
 #[test]
 fn odd_data_have_a_defined_result() {

@@ -6,6 +6,7 @@ use crate::draw::loglog::PowerLaw;
 use crate::error::{Failure, Result};
 use crate::io::output::Output;
 use crate::io::{self, Dataset, Spacing, atomic};
+use crate::scaling::Candidates;
 use clap::ValueEnum;
 use rugosa_fractal::roughness::irregular::{
     self, Estimate, Noise, Options, estimate_points, estimate_raster,
@@ -23,6 +24,7 @@ Examples:
   rugosa dimension scan.ply
   rugosa dimension points.csv --min-lag 0.2 --max-lag 3 --noise-std 0.01
   rugosa dimension dem.npy --spacing 0.1 --range all --json
+  rugosa dimension dem.asc --explain
   rugosa dimension dem.asc --out dimension.png")]
 pub struct Args {
     /// Points (.csv .xyz .ply .npy N×3) or a raster (.asc, .npy 2-D with --spacing)
@@ -51,6 +53,10 @@ pub struct Args {
     /// How the scaling range is found
     #[arg(long, value_enum, default_value_t = Range::Robust)]
     range: Range,
+
+    /// Also print what was compared: the BIC table of the robust range, the polyline's segments
+    #[arg(long)]
+    explain: bool,
 
     /// Where the result goes: a directory, a .json file or a .png file (log–log plot)
     #[arg(long, value_name = "PATH")]
@@ -141,6 +147,8 @@ struct Report {
     points: usize,
     points_skipped: usize,
     bins: Vec<Bin>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    candidates: Option<Candidates>,
     seconds: Seconds,
 }
 
@@ -184,7 +192,10 @@ pub fn run(args: &Args, console: &Console) -> Result<()> {
         read,
         estimate: started.elapsed().as_secs_f64(),
     };
-    let report = Report::new(&estimate, [points, points_skipped], seconds);
+    let mut report = Report::new(&estimate, [points, points_skipped], seconds);
+    if args.explain {
+        report.candidates = Some(Candidates::new(&report.without_noise(), TOLERANCE));
+    }
     match &output {
         Some(Output::File(path)) if io::extension(path) == "png" => {
             report.plot().draw()?.save(path)?
@@ -268,6 +279,7 @@ impl Report {
             points,
             points_skipped,
             bins: estimate.bins.iter().map(bin).collect(),
+            candidates: None,
             seconds,
         }
     }
@@ -279,25 +291,29 @@ impl Report {
         })
     }
 
-    fn plot(&self) -> StructurePlot {
-        let measured: Vec<_> = self
-            .bins
-            .iter()
-            .filter_map(|b| Some((b.lag_m, b.rms_dz?)))
-            .filter(|b| b.1 > 0.0)
-            .collect();
+    /// (lag, rms difference) of the bins that have one.
+    fn measured(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
+        let measured = self.bins.iter().filter_map(|b| Some((b.lag_m, b.rms_dz?)));
+        measured.filter(|b| b.1 > 0.0)
+    }
+
+    /// The same with the heights' noise taken off.
+    fn without_noise(&self) -> Vec<(f64, f64)> {
         let noise = 2.0 * self.noise_std * self.noise_std;
-        let corrected = measured
-            .iter()
-            .map(|&(lag, rms)| (lag, (rms * rms - noise).max(0.0).sqrt()));
+        self.measured()
+            .map(|(lag, rms)| (lag, (rms * rms - noise).max(0.0).sqrt()))
+            .filter(|b| b.1 > 0.0)
+            .collect()
+    }
+
+    fn plot(&self) -> StructurePlot {
         StructurePlot {
             title: "Structure function".into(),
-            corrected: if noise > 0.0 {
-                corrected.filter(|b| b.1 > 0.0).collect()
-            } else {
-                Vec::new()
+            corrected: match self.noise_std > 0.0 {
+                true => self.without_noise(),
+                false => Vec::new(),
             },
-            measured,
+            measured: self.measured().collect(),
             fit: self
                 .hurst
                 .zip(self.sigma)
@@ -338,6 +354,9 @@ impl fmt::Display for Report {
             _ => writeln!(f, "dimension  none: {}", self.reason.unwrap_or("?"))?,
         }
         writeln!(f, "noise      {:.5} m", self.noise_std)?;
+        if let Some(candidates) = &self.candidates {
+            writeln!(f, "{candidates}")?;
+        }
         write!(
             f,
             "time       {:.3} s reading, {:.4} s estimating",

@@ -32,7 +32,21 @@
 //! | 25 | | unknown cells, coarsest samples, levels: one range-coded stream |
 //! | end − 4 | 4 | CRC-32 (ISO-HDLC) of everything before |
 //!
-//! A height is offset + quantum · integer. The stream is specified by `model.rs`.
+//! A height is offset + quantum · integer. The stream is specified by `model.rs` (order and
+//! contexts), `chances.rs` (decisions) and `range.rs` (bits).
+//!
+//! ```
+//! use rugosa_fractal::codec::{decode, encode_within};
+//! use rugosa_fractal::surfaces::Shape;
+//!
+//! let shape = Shape::new(9, 9);
+//! let heights: [f32; 81] = core::array::from_fn(|i| (i % 9 * (i / 9)) as f32 * 0.1);
+//! let (mut work, mut bytes, mut back) = ([0; 81], [0; 600], [0.0; 81]);
+//! let told = encode_within(&heights, shape, 0.05, (&mut work, &mut bytes))?;
+//! decode(&bytes[..told.bytes], (&mut work, &mut back))?;
+//! assert!(told.bytes < 81 && heights.iter().zip(back).all(|(a, b)| (a - b).abs() <= 0.05));
+//! # Ok::<(), rugosa_fractal::codec::CodecError>(())
+//! ```
 //!
 //! Cost and figures: `docs/results-surfaces.md`; tests: `tests/codec.rs`.
 //!
