@@ -3,7 +3,7 @@
 use crate::Mapper;
 use crate::layer::Layer;
 use crate::tiles::TileGround;
-use crate::traversability::{Features, Patch, REACH, around, grid_map};
+use crate::traversability::{Around, Features, Patch, grid_map};
 use rugosa_fractal::roughness::Reason;
 use rugosa_grid::{Cell, State, TILE, Tile, Tiles, math};
 
@@ -75,9 +75,10 @@ impl Mapper<'_> {
     /// cell is not measured.
     pub fn features_of(&self, tile: Tile) -> [[Option<Features>; TILE as usize]; TILE as usize] {
         let roughness = self.tile(tile).and_then(|ground| ground.estimate.ok());
-        let around = around(self.grid(), roughness.as_ref(), self.limits());
+        let resolution = self.lattice().resolution();
+        let around = Around::new(resolution, self.limits(), roughness.as_ref());
         let mut patch = Patch::new();
-        patch.fill(self.grid(), tile, REACH);
+        patch.fill(self.grid(), tile, around.margin());
         core::array::from_fn(|row| {
             let features = patch.row(row, &around);
             core::array::from_fn(|column| patch.is_measured(row, column).then(|| features[column]))

@@ -73,7 +73,10 @@ struct Report<'a> {
     resolution_m: f64,
     cells_x: usize,
     cells_y: usize,
+    /// planes of the mapper and the points
     memory_bytes: usize,
+    /// most that the process has used, where the system tells
+    peak_memory_bytes: Option<u64>,
     seconds_by_stage: Seconds,
     #[serde(flatten)]
     summary: &'a Summary,
@@ -182,16 +185,7 @@ fn finish(
         files.push(path);
     }
     if args.report {
-        let path = args.out.join("report.html");
-        let name = args.files[0].file_name().unwrap_or_default();
-        let title = format!("Map of {}", name.to_string_lossy());
-        let timings = vec![
-            ("reading [s]".into(), seconds.read),
-            ("mapping [s]".into(), seconds.map),
-        ];
-        let data = Data::of(&title, &made.mapper, &made.layers, &summary, timings);
-        view::report(&path, &data)?;
-        files.push(path);
+        files.push(save_report(args, made, &summary, seconds)?);
     }
     let path = args.out.join("summary.json");
     files.push(path.clone());
@@ -203,6 +197,7 @@ fn finish(
         cells_x: made.layers.columns,
         cells_y: made.layers.rows,
         memory_bytes,
+        peak_memory_bytes: peak_memory(),
         seconds_by_stage: seconds,
         summary: &summary,
         files: &files,
@@ -212,6 +207,19 @@ fn finish(
         writeln!(writer)
     })?;
     console.result(&report, text(&report))
+}
+
+fn save_report(args: &Args, made: &Made, summary: &Summary, seconds: Seconds) -> Result<PathBuf> {
+    let path = args.out.join("report.html");
+    let name = args.files[0].file_name().unwrap_or_default();
+    let title = format!("Map of {}", name.to_string_lossy());
+    let timings = vec![
+        ("reading [s]".into(), seconds.read),
+        ("mapping [s]".into(), seconds.map),
+    ];
+    let data = Data::of(&title, &made.mapper, &made.layers, summary, timings);
+    view::report(&path, &data)?;
+    Ok(path)
 }
 
 fn check(args: &Args) -> Result<()> {
@@ -237,7 +245,18 @@ fn check(args: &Args) -> Result<()> {
     Ok(())
 }
 
+/// Linux: the greatest resident size of this process.
+fn peak_memory() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
+    let kib: u64 = line.split_whitespace().next()?.parse().ok()?;
+    Some(kib * 1024)
+}
+
 fn text(report: &Report) -> String {
+    let peak = report.peak_memory_bytes.map_or(String::new(), |bytes| {
+        format!(", at most {:.0} MB in all", bytes as f64 * 1e-6)
+    });
     let s = report.seconds_by_stage;
     let estimate = match &report.summary.estimate {
         Some(e) => format!(
@@ -252,7 +271,7 @@ fn text(report: &Report) -> String {
         .map(|f| f.display().to_string())
         .collect();
     format!(
-        "points     {} ({} skipped)\nmap        {} × {} cells of {} m, {} measured, {:.1} MB\ndimension  {estimate}\ntime       {:.2} s reading, {:.2} s mapping, {:.2} s exporting\nfiles      {}",
+        "points     {} ({} skipped)\nmap        {} × {} cells of {} m, {} measured\nmemory     {:.1} MB for map and points{peak}\ndimension  {estimate}\ntime       {:.2} s reading, {:.2} s mapping, {:.2} s exporting\nfiles      {}",
         report.points,
         report.points_skipped,
         report.cells_x,

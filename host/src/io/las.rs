@@ -6,8 +6,10 @@
 
 use super::{Points, open};
 use crate::error::{Failure, Result};
+use byteorder::{ByteOrder, LittleEndian, ReadBytesExt};
 use las::{PointData, Reader};
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::fs::File;
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
 /// Points that are read at a time.
@@ -15,13 +17,10 @@ const PIECE: u64 = 65_536;
 
 /// Reads the points.
 pub fn read(path: &Path) -> Result<Points> {
-    let (file, _) = open(path)?;
-    // the decompressor of LAZ may panic on damaged files
-    let read = catch_unwind(AssertUnwindSafe(|| pieces(file)));
-    let (xyz, claimed) = match read {
-        Ok(read) => read.map_err(|e| Failure::file(path, e))?,
-        Err(_) => return Err(Failure::file(path, "damaged")),
-    };
+    let (mut file, length) = open(path)?;
+    claims(&mut file, length).map_err(|e| Failure::file(path, e))?;
+    file.rewind().map_err(|e| Failure::file(path, e))?;
+    let (xyz, claimed) = pieces(file).map_err(|e| Failure::file(path, e))?;
     if (xyz.len() as u64) < claimed {
         let message = format_args!("{} of {claimed} points, then the end", xyz.len());
         return Err(Failure::file(path, message));
@@ -31,8 +30,66 @@ pub fn read(path: &Path) -> Result<Points> {
     Ok(points)
 }
 
+/// As much as there is, up to the length of `bytes`.
+fn read_some(file: &mut impl Read, bytes: &mut [u8]) -> io::Result<usize> {
+    let mut whole = Vec::new();
+    file.take(bytes.len() as u64).read_to_end(&mut whole)?;
+    bytes[..whole.len()].copy_from_slice(&whole);
+    Ok(whole.len())
+}
+
+/// Refuses a header whose offsets and counts do not fit the file: the library takes memory
+/// for what they say.
+fn claims(file: &mut BufReader<File>, length: u64) -> io::Result<()> {
+    let refuse = |what: &str| {
+        Err(io::Error::other(format!(
+            "{what} beyond the end of the file"
+        )))
+    };
+    let mut head = [0; 375];
+    let read = read_some(file, &mut head)?;
+    let u32_at = |at: usize| u64::from(LittleEndian::read_u32(&head[at..]));
+    let (points, is_packed) = (u32_at(96), head[104] & 0x80 != 0);
+    if read < 227 || points > length {
+        return refuse("points");
+    }
+    let (mut at, records) = (LittleEndian::read_u64(&head[235..]), u32_at(243));
+    let has_more = head[25] >= 4 && read == head.len();
+    for _ in 0..if has_more { records } else { 0 } {
+        if at > length {
+            return refuse("records");
+        }
+        file.seek(SeekFrom::Start(at + 20))?;
+        let end = at
+            .checked_add(60)
+            .zip(Some(file.read_u64::<LittleEndian>()?));
+        at = end
+            .and_then(|(at, size)| at.checked_add(size))
+            .unwrap_or(u64::MAX);
+    }
+    if at > length && has_more && records > 0 {
+        return refuse("records");
+    }
+    if is_packed {
+        file.seek(SeekFrom::Start(points))?;
+        let table = match file.read_i64::<LittleEndian>()? {
+            -1 => {
+                file.seek(SeekFrom::End(-8))?;
+                file.read_i64::<LittleEndian>()?
+            }
+            table => table,
+        };
+        file.seek(SeekFrom::Start(table.max(0) as u64 + 4))?;
+        // a chunk has at least a byte
+        if u64::from(file.read_u32::<LittleEndian>()?) > length {
+            return refuse("chunks");
+        }
+    }
+    Ok(())
+}
+
 /// The points (`None` where withheld) and how many the header claims.
-fn pieces(file: std::io::BufReader<std::fs::File>) -> las::Result<(Vec<Option<[f64; 3]>>, u64)> {
+fn pieces(file: BufReader<File>) -> las::Result<(Vec<Option<[f64; 3]>>, u64)> {
     let mut reader = Reader::new(file)?;
     let claimed = reader.header().number_of_points();
     let mut all = Vec::new();
@@ -95,7 +152,7 @@ mod tests {
             let bytes = std::fs::read(&path).unwrap();
             for length in [0, 4, 100, bytes.len() / 2] {
                 std::fs::write(&path, &bytes[..length]).unwrap();
-                let error = read(&path).unwrap_err();
+                let error = crate::io::read(&path, None).unwrap_err();
                 assert!(error.message.contains(name), "{length}: {error}");
             }
         }

@@ -20,8 +20,10 @@ pub mod text;
 use crate::error::{Failure, Result};
 use std::fs::File;
 use std::io::{BufReader, Read};
+use std::panic::{self, AssertUnwindSafe};
 use std::path::Path;
 use std::str::FromStr;
+use std::sync::Mutex;
 
 /// Points anywhere in space, metres.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -191,6 +193,10 @@ impl FromStr for Spacing {
 /// # Ok(()) }
 /// ```
 pub fn read(path: &Path, spacing: Option<Spacing>) -> Result<Dataset> {
+    guarded(path, || read_any(path, spacing))
+}
+
+fn read_any(path: &Path, spacing: Option<Spacing>) -> Result<Dataset> {
     match extension(path).as_str() {
         "csv" => text::read_csv(path).map(Dataset::Points),
         "xyz" | "txt" => text::read_xyz(path).map(Dataset::Points),
@@ -206,6 +212,19 @@ pub fn read(path: &Path, spacing: Option<Spacing>) -> Result<Dataset> {
         _ if starts_as_perceptron(path) => perceptron::read(path).map(Dataset::Points),
         other => Err(Failure::file(path, unknown_extension(other))),
     }
+}
+
+/// Runs a reader. The libraries below some of them panic on damaged files; that becomes
+/// an error like any other, without a trace on standard error.
+fn guarded<T>(path: &Path, read: impl FnOnce() -> Result<T>) -> Result<T> {
+    static ONE_AT_A_TIME: Mutex<()> = Mutex::new(()); // there is one hook per process
+    let guard = ONE_AT_A_TIME.lock();
+    let hook = panic::take_hook();
+    panic::set_hook(Box::new(|_| {}));
+    let read = panic::catch_unwind(AssertUnwindSafe(read));
+    panic::set_hook(hook);
+    drop(guard);
+    read.unwrap_or_else(|_| Err(Failure::file(path, "damaged")))
 }
 
 /// Reads points; the known nodes of a raster are points too.

@@ -36,23 +36,47 @@ fn point_failure(path: &Path, index: usize, message: impl std::fmt::Display) -> 
     Failure::file(path, format_args!("point {index}: {message}"))
 }
 
-/// Positions of x, y, z in a record; the sizes that the header claims must fit the file
-/// (`file` stands behind the header).
+/// Positions of x, y, z in a record, once the header has been found sound (`file` stands
+/// behind it).
 fn check(
     path: &Path,
     meta: &PcdMeta,
     file: &mut (impl BufRead + Seek),
     length: u64,
 ) -> Result<[usize; 3]> {
-    let record = meta.field_defs.iter();
-    let record: u64 = record
-        .map(|f| f.kind.byte_size() as u64 * f.count)
+    let start = file.stream_position().map_err(|e| Failure::file(path, e))?;
+    if !fits(path, meta, file, length.saturating_sub(start))? {
+        let message = format_args!("{} points do not fit in {length} bytes", meta.num_points);
+        return Err(Failure::file(path, message));
+    }
+    let v = &meta.viewpoint;
+    if [v.tx, v.ty, v.tz, v.qx, v.qy, v.qz]
+        .iter()
+        .any(|&c| c != 0.0)
+    {
+        return Err(Failure::file(
+            path,
+            "VIEWPOINT is not 0 0 0 1 0 0 0: transform the cloud first",
+        ));
+    }
+    let mut axes = [0; 3];
+    for (axis, name) in axes.iter_mut().zip(["x", "y", "z"]) {
+        let mut fields = meta.field_defs.iter();
+        let found = fields.position(|f| f.name == name && f.count == 1);
+        *axis = found.ok_or_else(|| Failure::file(path, format_args!("no field {name}")))?;
+    }
+    Ok(axes)
+}
+
+/// Can the points that the header claims lie in the `rest` of the file?
+fn fits(path: &Path, meta: &PcdMeta, file: &mut impl BufRead, rest: u64) -> Result<bool> {
+    let sizes = meta.field_defs.iter();
+    let record = sizes
+        .map(|f| f.count.saturating_mul(f.kind.byte_size() as u64))
         .fold(0, u64::saturating_add);
     let claimed = meta.num_points.saturating_mul(record);
-    let start = file.stream_position().map_err(|e| Failure::file(path, e))?;
-    let rest = length.saturating_sub(start);
-    let fits = match meta.data {
-        // at least one digit and one separator per value
+    Ok(match meta.data {
+        // at least a digit of each point
         DataKind::Ascii => meta.num_points <= rest,
         DataKind::Binary => claimed <= rest,
         DataKind::BinaryCompressed => {
@@ -67,33 +91,7 @@ fn check(
             // LZF packs at most 264 bytes into 3
             packed <= rest && unpacked == claimed && unpacked <= packed.saturating_mul(88) + 88
         }
-    };
-    if !fits {
-        let message = format_args!(
-            "{} points of {record} bytes do not fit in {length} bytes",
-            meta.num_points
-        );
-        return Err(Failure::file(path, message));
-    }
-    let v = &meta.viewpoint;
-    let moved = [v.tx, v.ty, v.tz, v.qx, v.qy, v.qz]
-        .iter()
-        .any(|&c| c != 0.0);
-    if moved {
-        return Err(Failure::file(
-            path,
-            "VIEWPOINT is not 0 0 0 1 0 0 0: transform the cloud first",
-        ));
-    }
-    let mut axes = [0; 3];
-    for (axis, name) in axes.iter_mut().zip(["x", "y", "z"]) {
-        let found = meta
-            .field_defs
-            .iter()
-            .position(|f| f.name == name && f.count == 1);
-        *axis = found.ok_or_else(|| Failure::file(path, format_args!("no field {name}")))?;
-    }
-    Ok(axes)
+    })
 }
 
 fn point(record: &DynRecord, axes: [usize; 3]) -> Option<[f64; 3]> {

@@ -1,7 +1,7 @@
 //! From features to one cost, and to the scales of planners.
 
 use super::Limits;
-use super::features::{Around, Features, Patch, disc};
+use super::features::{Around, Features, Patch};
 use rugosa_fractal::roughness::Roughness;
 use rugosa_grid::{Cell, State, TILE, Tile, Window, math};
 use rugosa_terrain::ElevationGrid;
@@ -123,9 +123,11 @@ impl<'m> Costs<'m> {
         roughness: Option<&Roughness>,
         limits: &Limits,
     ) -> bool {
-        let around = around(grid, roughness, limits);
         let mut patch = Patch::new();
-        patch.fill(grid, tile, disc(around.radius / around.resolution));
+        let around = Around::new(grid.lattice().resolution(), limits, roughness);
+        if tile.cells().any(|cell| grid.state(cell) == State::Measured) {
+            patch.fill(grid, tile, around.margin());
+        }
         let judge = Judge::new(limits, roughness);
         let mut changed = false;
         for row in 0..TILE as usize {
@@ -144,20 +146,6 @@ impl<'m> Costs<'m> {
             }
         }
         changed
-    }
-}
-
-/// What the features of a tile depend on.
-pub(crate) fn around<'a>(
-    grid: &ElevationGrid,
-    roughness: Option<&'a Roughness>,
-    limits: &Limits,
-) -> Around<'a> {
-    Around {
-        resolution: grid.lattice().resolution(),
-        radius: limits.window,
-        limit: limits.step.critical,
-        roughness,
     }
 }
 

@@ -16,10 +16,9 @@ mod features;
 mod query;
 
 pub(crate) use cost::Costs;
-pub(crate) use cost::around;
 pub use cost::{CellCost, Criterion, grid_map, nav2, occupancy};
 pub use features::Features;
-pub(crate) use features::{Patch, REACH};
+pub(crate) use features::{Around, Patch};
 pub use query::{Footprint, FootprintCost};
 
 /// A criterion's safe and critical value, in its unit.

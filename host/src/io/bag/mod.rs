@@ -59,48 +59,49 @@ struct Collected {
 pub fn read(path: &Path) -> Result<Points> {
     let mut collected = Collected::default();
     each_message(path, |channel, data| collected.take(channel, data))?;
-    let Collected {
-        clouds,
-        transforms,
-        mut skipped,
-        others,
-        ..
-    } = collected;
-    if clouds.is_empty() {
-        let kinds: Vec<String> = others.into_keys().collect();
-        let message = format_args!(
-            "no sensor_msgs/msg/PointCloud2 in it, only: {}{}",
-            kinds.join(", "),
-            if kinds.iter().any(|k| k == crate::recording::SCHEMA_NAME) {
-                " (a recording of rugosa: use `rugosa replay`)"
-            } else {
-                ""
-            }
-        );
-        return Err(Failure::file(path, message));
+    if collected.clouds.is_empty() {
+        return Err(Failure::file(path, collected.without_clouds()));
     }
-    let mut xyz = Vec::new();
-    for cloud in &clouds {
-        let way = transforms.way(&cloud.frame, clouds.len() == 1);
-        let way = way.map_err(|e| Failure::file(path, e))?;
-        match way.at(cloud.stamp_ns) {
-            Some(pose) => xyz.extend(cloud.xyz.iter().map(|p| {
-                let moved = pose * nalgebra::Point3::from(p.map(f64::from));
-                [moved.x, moved.y, moved.z]
-            })),
-            None => skipped += cloud.xyz.len(),
-        }
-    }
-    if xyz.is_empty() && skipped > 0 {
-        let message = format_args!("none of the {} clouds has a pose at its time", clouds.len());
+    let (xyz, late) = collected.placed().map_err(|e| Failure::file(path, e))?;
+    if xyz.is_empty() && late > 0 {
+        let clouds = collected.clouds.len();
+        let message = format_args!("none of the {clouds} clouds has a pose at its time");
         return Err(Failure::file(path, message));
     }
     let mut points = Points::of(path, xyz)?;
-    points.skipped += skipped;
+    points.skipped += collected.skipped + late;
     Ok(points)
 }
 
 impl Collected {
+    /// What there is instead of clouds.
+    fn without_clouds(&self) -> String {
+        let kinds: Vec<&str> = self.others.keys().map(String::as_str).collect();
+        let hint = match kinds.contains(&crate::recording::SCHEMA_NAME) {
+            true => " (a recording of rugosa: use `rugosa replay`)",
+            false => "",
+        };
+        let kinds = kinds.join(", ");
+        format!("no sensor_msgs/msg/PointCloud2 in it, only: {kinds}{hint}")
+    }
+
+    /// The points in the fixed frame, and how many have no pose at their time.
+    fn placed(&self) -> Result<(Vec<[f64; 3]>, usize), String> {
+        let (mut xyz, mut late) = (Vec::with_capacity(self.points), 0);
+        for cloud in &self.clouds {
+            let way = self.transforms.way(&cloud.frame, self.clouds.len() == 1)?;
+            let Some(pose) = way.at(cloud.stamp_ns) else {
+                late += cloud.xyz.len();
+                continue;
+            };
+            xyz.extend(cloud.xyz.iter().map(|p| {
+                let moved = pose * nalgebra::Point3::from(p.map(f64::from));
+                [moved.x, moved.y, moved.z]
+            }));
+        }
+        Ok((xyz, late))
+    }
+
     fn take(&mut self, channel: &Channel, data: &[u8]) -> Result<(), String> {
         let kind = channel.schema.as_ref().map_or("", |s| s.name.as_str());
         match kind {
