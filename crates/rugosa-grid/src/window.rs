@@ -137,14 +137,24 @@ impl Window {
     /// Where this cell lives in a plane of `side²` elements; `None` outside the window.
     #[inline]
     pub fn slot(&self, cell: Cell) -> Option<usize> {
-        let column = cell.x.wrapping_sub(self.origin.x);
-        let row = cell.y.wrapping_sub(self.origin.y);
-        if column as u32 >= self.side as u32 || row as u32 >= self.side as u32 {
-            return None;
-        }
-        let x = wrap(column + self.start.x, self.side);
-        let y = wrap(row + self.start.y, self.side);
-        Some((y * self.side + x) as usize)
+        Some(self.row_part(cell.y)? + self.column_part(cell.x)?)
+    }
+
+    /// What the row `y` adds to the slots of its cells; `None` outside the window. With
+    /// [`Window::column_part`], for those who visit many cells of a few rows and columns.
+    #[inline]
+    pub fn row_part(&self, y: i32) -> Option<usize> {
+        let row = y.wrapping_sub(self.origin.y);
+        ((row as u32) < self.side as u32)
+            .then(|| (wrap(row + self.start.y, self.side) * self.side) as usize)
+    }
+
+    /// What the column `x` adds to the slots of its cells; `None` outside the window.
+    #[inline]
+    pub fn column_part(&self, x: i32) -> Option<usize> {
+        let column = x.wrapping_sub(self.origin.x);
+        ((column as u32) < self.side as u32)
+            .then(|| wrap(column + self.start.x, self.side) as usize)
     }
 
     /// All cells, row by row from the south-west corner, x fastest.

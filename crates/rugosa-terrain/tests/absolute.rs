@@ -127,7 +127,10 @@ impl Absolute {
         node.sweep = sweep;
         let eccentricity = |p: [i32; 2]| p[0] * p[0] + p[1] * p[1];
         let better = match self.config.sample {
-            SampleChoice::Nearest => eccentricity(part) < eccentricity(node.part),
+            SampleChoice::Nearest => {
+                let old = eccentricity(node.part);
+                old > 16 * 16 && 2 * eccentricity(part) < old
+            }
             SampleChoice::Lowest => steps < node.height,
         };
         if !better {

@@ -5,16 +5,17 @@
 //! of FastDEM, a C++ elevation mapper: 60 rings × 500 (125 × 1000) beams at −50 … −4.5°
 //! over smooth ground 1 m below, range noise 1 cm, cells of 0.1 m; its medians, one
 //! thread, were 1.7 and 7.6 ms for mapping and 8.6 and 14.4 ms for its features. They come
-//! from another machine, so that ratio is an orientation.
+//! from another machine, so the ratios (columns `(m+c)/F`, mapping and counters, and
+//! `costs/F`) are an orientation. The counters with the widest vectors of the machine:
+//! `cargo bench -p rugosa --features simd`.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use rugosa::traversability::CellCost;
-use rugosa::{Config, Mapper, Memory, Stage, TileGround, tiles_of};
+use rugosa::{Config, Mapper, Memory, TileGround, tiles_of};
 use rugosa_fractal::roughness::{Block, TileSums};
 use rugosa_grid::Sample;
 use rugosa_terrain::grid::View;
 use rugosa_terrain::{GroundCell, Noise};
-use std::time::Instant;
 
 struct Planes {
     cells: Vec<GroundCell>,
@@ -45,6 +46,7 @@ impl Planes {
             ground: &mut self.ground,
             costs: &mut self.costs,
             solver: &mut [],
+            mean: &mut [],
             block: &mut self.block,
             columns: &mut [],
             lines: &mut [],
@@ -63,8 +65,8 @@ fn ground(x: f64, y: f64) -> f64 {
         - 1.0
 }
 
-fn scan(rings: usize, columns: usize) -> Vec<[f32; 3]> {
-    let mut state = 1u64;
+fn scan(rings: usize, columns: usize, seed: u64) -> Vec<[f32; 3]> {
+    let mut state = seed;
     let mut uniform = move || {
         state = state
             .wrapping_mul(6364136223846793005)
@@ -93,17 +95,24 @@ fn scan(rings: usize, columns: usize) -> Vec<[f32; 3]> {
     points
 }
 
+/// One sweep's times \[ms\].
+#[derive(Clone, Copy, Default)]
 struct Times {
-    points_ms: f64,
-    commit_ms: f64,
-    /// of it: slope, step, hidden step, cost; and the roughness of tiles
-    features_ms: f64,
-    roughness_ms: f64,
+    points: f64,
+    counters: f64,
+    roughness: f64,
+    costs: f64,
+    samples: u32,
     measured: u32,
 }
 
-/// Least times of several runs, each on an empty map.
-fn measure(side: usize, points: &[[f32; 3]], runs: usize) -> Times {
+/// Processor time of this thread \[ms\].
+fn now() -> f64 {
+    let t = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    t.tv_sec as f64 * 1e3 + t.tv_nsec as f64 / 1e6
+}
+
+fn sweep(mapper: &mut Mapper, points: &[[f32; 3]], number: u16) -> Times {
     let pose = Isometry3::from_parts(
         Translation3::new(0.02, 0.03, 1.0),
         UnitQuaternion::from_euler_angles(0.01, -0.02, 0.4),
@@ -112,89 +121,112 @@ fn measure(side: usize, points: &[[f32; 3]], runs: usize) -> Times {
     let view = View {
         map_from_sensor: &pose,
         noise: &noise,
-        sweep: 1,
+        sweep: number,
     };
-    let mut best = Times {
-        points_ms: f64::MAX,
-        commit_ms: f64::MAX,
-        features_ms: f64::MAX,
-        roughness_ms: f64::MAX,
-        measured: 0,
-    };
-    for _ in 0..runs {
-        let mut planes = Planes::new(side);
-        let mut mapper = planes.mapper();
-        let start = Instant::now();
-        mapper.points(points, &view);
-        let points_ms = start.elapsed().as_secs_f64() * 1e3;
-        let (mut last, mut stages) = (start, Vec::new());
-        let report = mapper.commit(&mut |stage| {
-            let now = Instant::now();
-            stages.push((stage, (now - last).as_secs_f64() * 1e3));
-            last = now;
-        });
-        let of = |wanted| stages.iter().find(|s| s.0 == wanted).map_or(0.0, |s| s.1);
-        best.features_ms = best.features_ms.min(of(Stage::Traversability));
-        best.roughness_ms = best.roughness_ms.min(of(Stage::Roughness));
-        let total_ms = start.elapsed().as_secs_f64() * 1e3;
-        best.points_ms = best.points_ms.min(points_ms);
-        best.commit_ms = best.commit_ms.min(total_ms - points_ms);
-        best.measured = report.measured;
+    let start = now();
+    mapper.points(points, &view);
+    let mut ends = vec![start, now()];
+    let report = mapper.commit(&mut |_| ends.push(now()));
+    Times {
+        points: ends[1] - ends[0],
+        counters: ends[2] - ends[1],
+        roughness: ends[3] - ends[2],
+        costs: ends[5] - ends[4],
+        samples: report.samples,
+        measured: report.measured,
     }
-    best
+}
+
+fn median(times: &[Times], of: impl Fn(&Times) -> f64) -> f64 {
+    let mut values: Vec<f64> = times.iter().map(of).collect();
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+fn print(name: &str, times: &[Times], published: [f64; 2]) {
+    let [points, counters, roughness, costs, samples] = [
+        median(times, |t| t.points),
+        median(times, |t| t.counters),
+        median(times, |t| t.roughness),
+        median(times, |t| t.costs),
+        median(times, |t| f64::from(t.samples)),
+    ];
+    println!(
+        "  {name:<38} {samples:>6} {points:>8.2} {counters:>9.2} {roughness:>10.2} {costs:>7.2} \
+         {:>7.2} {:>8.2}",
+        (points + counters) / published[0],
+        costs / published[1]
+    );
+}
+
+const SWEEPS: usize = 30;
+
+/// First sweeps on an empty map, and further ones with fresh noise, or the same again.
+fn scene(rings: usize, columns: usize, published: [f64; 2]) {
+    let scans: Vec<_> = (0..SWEEPS as u64)
+        .map(|seed| scan(rings, columns, seed))
+        .collect();
+    let mut planes = Planes::new(257);
+    let first: Vec<Times> = (0..15)
+        .map(|_| sweep(&mut planes.mapper(), &scans[0], 0))
+        .collect();
+    let mut mapper = planes.mapper();
+    let next: Vec<Times> = scans
+        .iter()
+        .enumerate()
+        .map(|(i, points)| sweep(&mut mapper, points, i as u16))
+        .collect();
+    let mut mapper = planes.mapper();
+    let same: Vec<Times> = (0..SWEEPS)
+        .map(|i| sweep(&mut mapper, &scans[0], i as u16))
+        .collect();
+    println!(
+        "{} points, {} cells measured",
+        scans[0].len(),
+        first[0].measured
+    );
+    print("first sweep, empty map", &first, published);
+    print("second to fifth sweep, fresh noise", &next[1..5], published);
+    print(
+        "sixth to thirtieth sweep, fresh noise",
+        &next[5..],
+        published,
+    );
+    print("the same points again", &same[1..], published);
 }
 
 fn main() {
     // `-- N`: N runs of the first scene and no table, to count instructions
     if let Some(runs) = std::env::args().nth(1).and_then(|n| n.parse().ok()) {
-        measure(257, &scan(60, 500), runs);
+        let points = scan(60, 500, 1);
+        let mut planes = Planes::new(257);
+        for _ in 0..runs {
+            sweep(&mut planes.mapper(), &points, 0);
+        }
         return;
     }
-    println!("scene of FastDEM, 257 x 257 cells of 0.1 m, empty map, one thread, least of 30 runs");
-    println!("points   cells   points [ms]  [ns/point]  commit [ms]  sum / FastDEM");
-    let mut features = Vec::new();
-    for (rings, columns, fastdem, its_features) in [(60, 500, 1.7, 8.6), (125, 1000, 7.6, 14.4)] {
-        let points = scan(rings, columns);
-        let t = measure(257, &points, 30);
-        let sum = t.points_ms + t.commit_ms;
-        println!(
-            "{:>6}  {:>6}  {:>11.2}  {:>10.1}  {:>11.2}  {:>13.2}",
-            points.len(),
-            t.measured,
-            t.points_ms,
-            t.points_ms * 1e6 / points.len() as f64,
-            t.commit_ms,
-            sum / fastdem
-        );
-        features.push((t, its_features));
-    }
+    println!("scene of FastDEM, 257 x 257 cells of 0.1 m, one thread, medians [ms]");
     println!(
-        "\nfeatures of the same maps: slope, step, hidden step, cost; D, H, sigma of the tiles"
+        "  {:<38} {:>6} {:>8} {:>9} {:>10} {:>7} {:>7} {:>8}",
+        "", "new", "mapping", "counters", "roughness", "costs", "(m+c)/F", "costs/F"
     );
-    println!("cells   features [ms]  [ns/cell]  D, H, sigma [ms]  sum / FastDEM's features");
-    for (t, fastdem) in features {
-        println!(
-            "{:>6}  {:>12.2}  {:>9.1}  {:>16.2}  {:>24.2}",
-            t.measured,
-            t.features_ms,
-            t.features_ms * 1e6 / f64::from(t.measured),
-            t.roughness_ms,
-            (t.features_ms + t.roughness_ms) / fastdem
-        );
-    }
-    println!("\nthe same 30,000 points on maps of other sides: work per point does not grow");
-    println!("side   points [ms]  [ns/point in the map]  counters + D [us/cell]");
-    let points = scan(60, 500);
+    scene(60, 500, [1.7, 8.6]);
+    scene(125, 1000, [7.6, 14.4]);
+    println!("\nthe 30,000 points on maps of other sides: work per point does not grow");
+    println!("side  mapping [ns/point]  counters [us/new sample]");
+    let points = scan(60, 500, 1);
     for side in [65, 129, 257, 513] {
         let half = side as f32 * 0.05;
         let inside = |p: &&[f32; 3]| p[0].hypot(p[1]) < half;
         let near: Vec<[f32; 3]> = points.iter().filter(inside).copied().collect();
-        let t = measure(side, &near, 30);
+        let mut planes = Planes::new(side);
+        let times: Vec<Times> = (0..15)
+            .map(|_| sweep(&mut planes.mapper(), &near, 0))
+            .collect();
         println!(
-            "{side:>4}  {:>11.3}  {:>21.1}  {:>22.3}",
-            t.points_ms,
-            t.points_ms * 1e6 / near.len() as f64,
-            t.commit_ms * 1e3 / f64::from(t.measured)
+            "{side:>4}  {:>18.1}  {:>24.3}",
+            median(&times, |t| t.points) * 1e6 / near.len() as f64,
+            median(&times, |t| t.counters * 1e3 / f64::from(t.samples))
         );
     }
 }

@@ -10,7 +10,7 @@ use crate::traversability::{LimitError, Limits};
 /// Which return stands for a cell in the statistics.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SampleRule {
-    /// the return nearest to the cell's centre
+    /// a return near the cell's centre
     #[default]
     Nearest,
     /// the lowest return, for ground under vegetation
@@ -183,7 +183,7 @@ pub const PARAMETERS: &[Parameter] = &[
         SampleRule::Lowest,
         0.0,
         false,
-        "0 = return nearest to the cell centre, 1 = lowest return"
+        "0 = return near the cell centre, 1 = lowest return"
     ),
     parameter!(
         ghost_stride,

@@ -3,18 +3,21 @@
 use crate::console::Console;
 use crate::error::Result;
 use crate::io::{self, Dataset, Points, Raster, Spacing};
+use crate::recording::Summary;
 use serde::Serialize;
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-/// Say what a file of points or a raster holds.
+/// Say what a file of points, a raster or a recording holds.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
   rugosa info scan.ply
+  rugosa info sweeps.mcap
   rugosa info dem.npy --spacing 0.1 --json")]
 pub struct Args {
-    /// Points (.csv .xyz .ply .npy N×3) or a raster (.asc, .npy 2-D with --spacing)
+    /// Points (.csv .xyz .ply .npy N×3) or a raster (.asc, .npy 2-D with --spacing) or a
+    /// recording (.mcap)
     file: PathBuf,
 
     /// Distance between the nodes of a 2-D .npy, DX or DX,DY [m]
@@ -25,6 +28,7 @@ pub struct Args {
 #[derive(Serialize)]
 #[serde(tag = "kind", rename_all = "lowercase")]
 enum Report {
+    Recording(Summary),
     Points {
         points: usize,
         skipped: usize,
@@ -45,11 +49,23 @@ enum Report {
 
 /// Reads the file and describes it.
 pub fn run(args: &Args, console: &Console) -> Result<()> {
+    if is_recording(&args.file) {
+        let mut progress = console.progress("reading", None);
+        let summary = Summary::of(&args.file, |n| progress.set(n, || format!("{n} messages")))?;
+        drop(progress);
+        let report = Report::Recording(summary);
+        return console.result(&report, &report);
+    }
     let report = match io::read(&args.file, args.spacing)? {
         Dataset::Points(points) => Report::points(&points),
         Dataset::Raster(raster) => Report::raster(&raster),
     };
     console.result(&report, &report)
+}
+
+fn is_recording(path: &Path) -> bool {
+    path.extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("mcap"))
 }
 
 impl Report {
@@ -86,6 +102,7 @@ impl Report {
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Report::Recording(summary) => summary.fmt(f),
             Report::Points {
                 points,
                 skipped,

@@ -32,9 +32,11 @@
 //! ```
 
 mod reader;
+mod summary;
 mod writer;
 
 pub use reader::{Ending, Entry, Recording};
+pub use summary::{Scanner, Summary};
 pub use writer::Recorder;
 
 /// Name of the MCAP schema.

@@ -21,7 +21,7 @@
 
 use super::offsets::{LAGS, REACH, offsets};
 use super::sums::LagSums;
-use rugosa_grid::{Cell, Sample, TILE, Tile, Window, sample::PARTS};
+use rugosa_grid::{Sample, TILE, Tile, Window, sample::PARTS};
 
 const LANES: usize = TILE as usize;
 const WIDTH: usize = LANES + 2 * REACH as usize;
@@ -79,14 +79,13 @@ impl Block {
 
     fn fill(&mut self, window: &Window, samples: &[Sample], tile: Tile) {
         let corner = tile.origin().offset(-REACH, 0);
-        for y in 0..HEIGHT as i32 {
-            let row = y as usize * WIDTH;
-            for x in 0..WIDTH as i32 {
-                let slot = window.slot(Cell::offset(corner, x, y));
-                self.put(
-                    row + x as usize,
-                    slot.map(|slot| samples[slot]).unwrap_or_default(),
-                );
+        let columns: [usize; WIDTH] =
+            core::array::from_fn(|x| part(window.column_part(corner.offset(x as i32, 0).x)));
+        for y in 0..HEIGHT {
+            let row = part(window.row_part(corner.offset(0, y as i32).y));
+            for (x, &column) in columns.iter().enumerate() {
+                let sample = samples.get(row + column).copied().unwrap_or_default();
+                self.put(y * WIDTH + x, sample);
             }
         }
     }
@@ -171,6 +170,11 @@ impl Block {
         }
         all
     }
+}
+
+/// A part of a slot; beyond all planes outside the window.
+fn part(part: Option<usize>) -> usize {
+    part.unwrap_or(usize::MAX / 2)
 }
 
 /// First places of a row of the tile and of its partner at `offset`.

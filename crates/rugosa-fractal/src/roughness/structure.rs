@@ -254,13 +254,11 @@ struct Neighbours {
 
 impl Neighbours {
     fn of(window: &Window, cell: Cell) -> Self {
-        let own = window.slot(cell).unwrap_or_default();
-        let column = own % window.side();
-        let part =
-            |cell, minus: usize| window.slot(cell).map_or(NONE, |slot| (slot - minus) as u32);
+        let part = |part: Option<usize>| part.map_or(NONE, |part| part as u32);
+        let near = |i: usize| cell.offset(i as i32 - REACH, i as i32 - REACH);
         Neighbours {
-            rows: core::array::from_fn(|i| part(cell.offset(0, i as i32 - REACH), column)),
-            columns: core::array::from_fn(|i| part(cell.offset(i as i32 - REACH, 0), own - column)),
+            rows: core::array::from_fn(|i| part(window.row_part(near(i).y))),
+            columns: core::array::from_fn(|i| part(window.column_part(near(i).x))),
             place: (cell.x.rem_euclid(TILE), cell.y.rem_euclid(TILE)),
         }
     }

@@ -5,8 +5,9 @@ use super::cell::{Gate, RUN_MAX};
 /// Which return of a cell becomes its point sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SampleChoice {
-    /// the one nearest to the cell's centre: the choice is independent of the height, so
-    /// differences of samples are unbiased
+    /// one near the cell's centre: the first within a quarter of a cell, before that each at
+    /// less than half of the squared distance of the last. The choice is independent of the
+    /// height, so differences of samples are unbiased
     #[default]
     Nearest,
     /// the lowest one: the ground under vegetation; lowers and smooths bare ground

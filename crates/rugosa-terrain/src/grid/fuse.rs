@@ -168,6 +168,11 @@ pub(super) fn part(offset: f32) -> i8 {
     (offset * PARTS as f32 + ONES).to_bits() as i8
 }
 
+/// A sample within a quarter of a cell of the centre stays, (1/64 cell)²; one further out
+/// gives way to one at less than half of its squared distance. True distances are used
+/// anyway, and a cell that settles costs nothing in the sweeps that follow.
+const NEAR_ENOUGH: i32 = (PARTS / 4) * (PARTS / 4);
+
 /// 1.5 · 2²³: the last bit of the numbers around it is worth 1.
 pub(super) const ONES: f32 = 12_582_912.0;
 
@@ -270,7 +275,8 @@ impl ElevationGrid<'_> {
         match self.config.sample {
             SampleChoice::Nearest => {
                 let (e, n) = (i32::from(east), i32::from(north));
-                e * e + n * n < i32::from(old.eccentricity())
+                let old = i32::from(old.eccentricity());
+                old > NEAR_ENOUGH && 2 * (e * e + n * n) < old
             }
             SampleChoice::Lowest => steps < old.height,
         }

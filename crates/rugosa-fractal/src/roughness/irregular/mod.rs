@@ -29,7 +29,7 @@ use super::estimate::Method;
 use super::scaling_range::{self, MOST_LAGS, NoRange};
 use alloc::vec::Vec;
 use pairs::{Bins, Sums};
-use power_law::{Fit, Observation};
+use power_law::{Fit, Observation, Region};
 pub use raster::{Raster, estimate_raster};
 
 /// What is known of the sensor noise of the heights.
@@ -107,14 +107,13 @@ pub struct Estimate {
 /// Time: the pairs within the greatest lag, about 4 ns each.
 pub fn estimate_points(points: &[[f64; 3]], options: &Options) -> Estimate {
     let area = pairs::area(points);
-    let spacing = libm::sqrt(area / points.len().max(1) as f64);
-    let bins = bins(options, spacing, libm::sqrt(area));
-    fit(
-        &pairs::sums(points, &bins),
-        &bins,
-        libm::sqrt(area),
-        options,
-    )
+    let region = Region {
+        side: libm::sqrt(area),
+        points: points.len(),
+    };
+    let spacing = region.side / libm::sqrt(points.len().max(1) as f64);
+    let bins = bins(options, spacing, region.side);
+    fit(&pairs::sums(points, &bins), &bins, &region, options)
 }
 
 /// Annuli of equal width between the lags asked for: half the least lag wide, so that
@@ -139,8 +138,8 @@ fn bins(options: &Options, spacing: f64, side: f64) -> Bins {
 /// Fewest pairs of a bin that counts.
 const LEAST_PAIRS: f64 = 20.0;
 
-/// From sums to the answer; `side` is the region's \[m\].
-fn fit(sums: &[Sums], bins: &Bins, side: f64, options: &Options) -> Estimate {
+/// From sums to the answer.
+fn fit(sums: &[Sums], bins: &Bins, region: &Region, options: &Options) -> Estimate {
     let observations: Vec<Observation> = sums
         .iter()
         .filter(|sums| sums.pairs >= LEAST_PAIRS)
@@ -151,8 +150,8 @@ fn fit(sums: &[Sums], bins: &Bins, side: f64, options: &Options) -> Estimate {
         .enumerate()
         .map(|(i, sums)| sums.bin(bins.centre(i)))
         .collect();
-    let whole = Fit::new(&observations, side, options.noise);
-    let law = whole.and_then(|fit| law(&fit, &observations, side, options));
+    let whole = Fit::new(&observations, region, options.noise);
+    let law = whole.and_then(|fit| law(&fit, &observations, region, options));
     let noise = law
         .as_ref()
         .map(|(fit, _)| fit.noise)
@@ -167,16 +166,16 @@ fn fit(sums: &[Sums], bins: &Bins, side: f64, options: &Options) -> Estimate {
 fn law(
     whole: &Fit,
     observations: &[Observation],
-    side: f64,
+    region: &Region,
     options: &Options,
 ) -> Result<(Fit, Law), Reason> {
-    let (first, last) = range(whole, observations, side, options)?;
+    let (first, last) = range(whole, observations, region.side, options)?;
     let used = &observations[first..=last];
     let fit = if used.len() == observations.len() {
         *whole
     } else {
         // the noise is known best from all bins
-        let mut fit = Fit::new(used, side, Noise::Known(libm::sqrt(whole.noise)))?;
+        let mut fit = Fit::new(used, region, Noise::Known(libm::sqrt(whole.noise)))?;
         fit.standard_error = fit.standard_error.max(whole.standard_error);
         fit
     };

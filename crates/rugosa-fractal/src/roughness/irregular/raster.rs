@@ -7,6 +7,7 @@
 //! Cost: 64 annuli × 48 offsets × number of nodes at most, about 0.5 ns each.
 
 use super::pairs::{Bins, Sums};
+use super::power_law::Region;
 use super::{Estimate, Options, bins, fit};
 use alloc::vec;
 use alloc::vec::Vec;
@@ -33,7 +34,11 @@ pub fn estimate_raster(raster: &Raster, options: &Options) -> Estimate {
         libm::sqrt(raster.spacing[0] * raster.columns as f64 * raster.spacing[1] * rows as f64);
     let finest = raster.spacing[0].min(raster.spacing[1]);
     let bins = bins(options, 2.0 * finest, side);
-    fit(&sums(raster, &bins), &bins, side, options)
+    let region = Region {
+        side,
+        points: raster.values.iter().filter(|z| z.is_finite()).count(),
+    };
+    fit(&sums(raster, &bins), &bins, &region, options)
 }
 
 /// The sums of all annuli.
