@@ -148,7 +148,7 @@ impl Fit {
 
     /// rms of ln σ(d) that the error model expects around the true line.
     pub fn expected_residual(&self, bins: &[Observation], side: f64) -> f64 {
-        let shared = Shared::new(self.hurst, side);
+        let shared = Shared::new(self.hurst, bins[0].distance, side);
         let lags: Vec<f64> = bins.iter().map(|bin| shared.warped(bin.distance)).collect();
         let variance = |(bin, &lag): (&Observation, &f64)| {
             let model = libm::exp(self.level + 2.0 * self.hurst * bin.effective(self.hurst));
@@ -169,13 +169,19 @@ struct Shared {
 }
 
 impl Shared {
-    fn new(hurst: f64, side: f64) -> Self {
+    /// The size was found where the side is 244 first lags; at other sides it follows the
+    /// variance of moments over a region, which falls like side^−min(2, 4 − 4H).
+    fn new(hurst: f64, first_lag: f64, side: f64) -> Self {
         let h = hurst.clamp(0.05, 0.95);
+        let warp = 0.60 * libm::exp(-1.67 * (h - 0.5).max(0.0));
+        let exponent = 2.0 - libm::exp(0.38 - 4.88 * h).clamp(0.01, 1.0);
+        let further = (4.0 - 4.0 * h).min(2.0) - warp * exponent;
         Shared {
             side,
-            warp: 0.60 * libm::exp(-1.67 * (h - 0.5).max(0.0)),
-            exponent: 2.0 - libm::exp(0.38 - 4.88 * h).clamp(0.01, 1.0),
-            size: libm::exp(-6.83 + 14.66 * h - 8.32 * h * h),
+            warp,
+            exponent,
+            size: libm::exp(-6.83 + 14.66 * h - 8.32 * h * h)
+                * libm::pow(244.0 * first_lag / side, further.max(0.0)),
         }
     }
 
@@ -250,7 +256,7 @@ impl Problem<'_> {
     }
 
     fn shared(&self, state: &State) -> DMatrix<f64> {
-        Shared::new(state.hurst, self.side).covariance(self.bins)
+        Shared::new(state.hurst, self.bins[0].distance, self.side).covariance(self.bins)
     }
 
     /// A line through the first and the last bin that stand out of the noise.
