@@ -46,7 +46,6 @@ impl Planes {
             ground: &mut self.ground,
             costs: &mut self.costs,
             solver: &mut [],
-            mean: &mut [],
             block: &mut self.block,
             columns: &mut [],
             lines: &mut [],
