@@ -34,8 +34,9 @@ impl Log {
     pub fn of(image: &Path) -> Result<Self> {
         let elf =
             std::fs::read(image).with_context(|| format!("cannot read {}", image.display()))?;
-        let table = Table::parse(&elf)?
-            .with_context(|| format!("{} has no defmt table", image.display()))?;
+        let table = Table::parse(&elf)
+            .and_then(|table| table.context("there is no table of log messages in it"))
+            .with_context(|| format!("{} is no image of the firmware", image.display()))?;
         let locations = table.get_locations(&elf).ok();
         let table: &'static Table = Box::leak(Box::new(table)); // the decoder borrows it
         Ok(Log {

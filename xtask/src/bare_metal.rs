@@ -92,16 +92,10 @@ pub fn hil() -> Result<Outcome> {
     }
     build_firmware(Board::Mps2An386)?;
     build_on_target_tests()?;
-    let tests = [
-        "test",
-        "--package",
-        "rugosa-hil",
-        "--package",
-        "rugosa-hil-sim",
-        "--",
-        "--include-ignored",
-        "--test-threads=1",
-    ];
+    let tests = "test --package rugosa-hil --package rugosa-hil-sim --package rugosa-tests \
+        --test module --test budgets --test firmware --test over_a_cable --lib \
+        -- --include-ignored --test-threads=1";
+    let tests: Vec<&str> = tests.split_whitespace().collect();
     command(env!("CARGO"), &tests)
 }
 

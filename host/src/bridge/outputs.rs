@@ -107,6 +107,22 @@ fn all(
     layers: &Layers,
     summary: &Summary,
 ) -> Result<Vec<PathBuf>> {
+    let mut files = save_layers(directory, layers)?;
+    let mut put = |name: &str| {
+        let path = directory.join(name);
+        files.push(path.clone());
+        path
+    };
+    structure_plot(mapper, summary)
+        .draw()?
+        .save(&put("structure_function.png"))?;
+    SavedMap::of(mapper).write(&put("map.rugosa"))?;
+    save_json(&put("summary.json"), summary)?;
+    Ok(files)
+}
+
+/// Writes every layer as `.npy`, the usual ones as pictures too, and `maps.png`.
+pub fn save_layers(directory: &Path, layers: &Layers) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     let known = known_part(layers);
     for layer in &layers.layers {
@@ -123,17 +139,11 @@ fn all(
         crate::export::picture::write(&path, layer, &known.raster(layer))?;
         files.push(path);
     }
-    let mut put = |name: &str| {
-        let path = directory.join(name);
-        files.push(path.clone());
-        path
-    };
-    draw_maps(layers)?.save(&put("maps.png"))?;
-    structure_plot(mapper, summary)
-        .draw()?
-        .save(&put("structure_function.png"))?;
-    SavedMap::of(mapper).write(&put("map.rugosa"))?;
-    save_json(&put("summary.json"), summary)?;
+    if layers.get("elevation").is_some() {
+        let path = directory.join("maps.png");
+        draw_maps(layers)?.save(&path)?;
+        files.push(path);
+    }
     Ok(files)
 }
 

@@ -10,9 +10,11 @@ pub mod compress;
 pub mod config;
 pub mod demo;
 pub mod densify;
+pub mod device;
 pub mod dimension;
 pub mod doctor;
 pub mod fis;
+pub mod hil;
 pub mod ifs;
 pub mod info;
 pub mod live;
@@ -50,6 +52,8 @@ pub enum Command {
     Replay(replay::Args),
     /// Play a simulated scanner into a serial port
     Simulate(simulate::Args),
+    /// Run the firmware in the emulator and compare it with this machine
+    Hil(hil::Args),
     /// Make a map of files of points or of rasters
     Map(map::Args),
     /// Merge saved maps by variance, or cut a part out of one
@@ -92,6 +96,7 @@ pub fn run(command: &Command, console: &Console) -> Result<()> {
         Command::Record(args) => record::run(args, console),
         Command::Replay(args) => replay::run(args, console),
         Command::Simulate(args) => simulate::run(args, console),
+        Command::Hil(args) => hil::run(args, console),
         Command::Map(args) => map::run(args, console),
         Command::Merge(args) => merge::run(args, console),
         Command::Live(args) => live::run(args, console),

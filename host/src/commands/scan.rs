@@ -1,5 +1,6 @@
 //! `rugosa scan`: the bridge from a scanner on a serial port to a map.
 
+use super::device;
 use super::session::{self, Live, MapArgs};
 use crate::bridge::Summary;
 use crate::console::Console;
@@ -18,6 +19,7 @@ Examples:
   rugosa scan --port /dev/ttyACM0 --out map
   rugosa scan --port /dev/ttyUSB0 --baud 921600 --record run1.mcap --out map
   rugosa scan --port /tmp/scanner --sweeps 10 --json
+  rugosa scan --device --port /dev/ttyUSB1 --baud 921600 --out map
 
 A port that disappears is waited for. Ctrl-C ends cleanly with everything saved.")]
 pub struct Args {
@@ -28,6 +30,10 @@ pub struct Args {
     /// Symbols per second (of no effect on USB and virtual ports)
     #[arg(long, default_value_t = super::send::BAUD)]
     baud: u32,
+
+    /// The port leads to a module that maps by itself: show and save what it tells
+    #[arg(long, conflicts_with_all = ["record", "config"])]
+    device: bool,
 
     /// Record everything that comes into this MCAP file
     #[arg(long, value_name = "FILE")]
@@ -43,6 +49,10 @@ pub struct Args {
 
 /// Serves the port.
 pub fn run(args: &Args, console: &Console) -> Result<()> {
+    if args.device {
+        let port = (&args.port, args.baud);
+        return device::run(port, args.sweeps, args.map.out.as_deref(), console);
+    }
     serve(args, None, console)
 }
 

@@ -7,7 +7,7 @@ use super::{
 
 /// The coarser levels' surface on the nodes of `level`, without that level's own noise,
 /// left in `u`'s level. `s` holds the levels' deviations, `w` the numbers.
-#[inline(always)]
+#[cfg_attr(feature = "simd", inline(always))]
 pub(super) fn expand(shape: &Shape, s: &[f32], w: &[f32], u: &mut [f32], level: usize) {
     plane(shape, s, w, &mut u[Shape::level(0)]);
     add_noise(s, w, u, 0);
@@ -33,7 +33,7 @@ fn plane(shape: &Shape, s: &[f32], w: &[f32], u: &mut [f32]) {
 }
 
 /// Refines level `l` − 1 of a packed vector into level `l`.
-#[inline(always)]
+#[cfg_attr(feature = "simd", inline(always))]
 pub(super) fn rise(u: &mut [f32], l: usize) {
     let (low, high) = u.split_at_mut(Shape::start(l));
     let n = Shape::size(l);
@@ -56,26 +56,26 @@ pub(super) fn add_noise(s: &[f32], w: &[f32], u: &mut [f32], l: usize) {
 /// Transpose of [`expand`] followed by noise on its levels: `g` holds a gradient on the
 /// nodes of `level` and becomes, in place, the gradient of the packed numbers up to and
 /// including that level. `rows` lends three rows.
-#[inline(always)]
+#[cfg_attr(feature = "simd", inline(always))]
 pub(super) fn gather(shape: &Shape, s: &[f32], g: &mut [f32], level: usize, rows: &mut [f32]) {
-    for l in (1..=level).rev() {
-        fall(g, l, rows);
-        scale(&mut g[Shape::level(l)], &s[Shape::level(l)]);
-    }
-    let (x, y, sum) = moments(shape, &g[Shape::level(0)]);
-    scale(&mut g[Shape::level(0)], &s[Shape::level(0)]);
-    g[..PLANE].copy_from_slice(&[s[0] * x, s[1] * y, s[2] * sum]);
-}
-
-#[inline(always)]
-fn scale(g: &mut [f32], s: &[f32]) {
-    for (g, s) in g.iter_mut().zip(s) {
+    descend(shape, g, level, rows);
+    for (g, s) in g.iter_mut().zip(&s[..Shape::start(level + 1)]) {
         *g *= s;
     }
 }
 
+/// The same before the deviations are multiplied in.
+#[cfg_attr(feature = "simd", inline(always))]
+pub(super) fn descend(shape: &Shape, g: &mut [f32], level: usize, rows: &mut [f32]) {
+    for l in (1..=level).rev() {
+        fall(g, l, rows);
+    }
+    let (x, y, sum) = moments(shape, &g[Shape::level(0)]);
+    g[..PLANE].copy_from_slice(&[x, y, sum]);
+}
+
 /// Restricts level `l` of a packed vector into level `l` − 1.
-#[inline(always)]
+#[cfg_attr(feature = "simd", inline(always))]
 pub(super) fn fall(g: &mut [f32], l: usize, rows: &mut [f32]) {
     let (low, high) = g.split_at_mut(Shape::start(l));
     let (n, m) = (Shape::size(l - 1), Shape::size(l));

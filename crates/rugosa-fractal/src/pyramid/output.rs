@@ -54,17 +54,15 @@ impl Posterior<'_> {
     /// nothing to solve and nothing else to be asked for.
     pub fn mean_in_place(&mut self, prior: &impl Prior, data: impl Fn(usize) -> Option<Datum>) {
         let (offset, side) = (self.offset, self.shape.side);
-        let cells = core::mem::take(&mut self.weights);
-        self.visit(|i, u| {
-            let (c, mut height) = (cells[i], u + offset);
-            if c > 0.0
+        self.visit(|i, c, u| {
+            let mut height = u + offset;
+            if *c > 0.0
                 && let Some(d) = data(i)
             {
-                height += c * prior.variance(0, i / side, i % side) * (d.height - height);
+                height += *c * prior.variance(0, i / side, i % side) * (d.height - height);
             }
-            cells[i] = height;
+            *c = height;
         });
-        self.weights = cells;
         self.end();
     }
 
@@ -111,7 +109,7 @@ impl Posterior<'_> {
         for _ in 0..draws.count {
             self.perturb(flat, 1.0, rng);
             self.step(draws.iterations);
-            self.visit(|at, u| out[at] += u * u);
+            self.visit(|at, _, u| out[at] += u * u);
         }
         let share = 1.0 / draws.count.max(1) as f32;
         for (i, v) in out.iter_mut().enumerate() {
@@ -143,21 +141,20 @@ impl Posterior<'_> {
     /// The coarser levels' surface \[m\].
     fn surface(&mut self, out: &mut [f32]) {
         let offset = self.offset;
-        self.visit(|at, u| out[at] = u + offset);
+        self.visit(|at, _, u| out[at] = u + offset);
     }
 
-    /// Calls `f(cell, height)` for the coarser levels' surface, without the offset.
-    fn visit(&mut self, mut f: impl FnMut(usize, f32)) {
+    /// Calls `f(cell, weight, height)` for the coarser levels' surface, without the offset.
+    fn visit(&mut self, mut f: impl FnMut(usize, &mut f32, f32)) {
         let (shape, top) = (self.shape, self.shape.top);
         expand(&shape, self.s, self.x, self.u, top);
         add_noise(self.s, self.x, self.u, top);
-        let (from, to) = (&self.u[Shape::level(top)], &mut self.z[Shape::level(top)]);
-        let rows = &mut *self.rows;
+        let from = (&self.u[Shape::level(top)], Shape::size(top));
+        let (to, rows) = (&mut self.z[Shape::level(top)], &mut *self.rows);
         widest(|| {
-            pass(from, Shape::size(top), rows, to, |row, values| {
-                for (x, v) in values.iter().enumerate() {
-                    f(row * shape.side + x, *v);
-                }
+            pass(from, rows, to, self.weights, |i, c, u| {
+                f(i, c, u);
+                0.0
             });
         });
     }

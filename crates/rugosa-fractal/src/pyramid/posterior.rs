@@ -23,7 +23,7 @@
 
 use super::{
     Error, Prior,
-    operator::{add_noise, expand, gather},
+    operator::{add_noise, descend, expand, gather},
     refine::{ROWS, pass},
     shape::{PLANE, Shape},
     simd::{dot, widest},
@@ -286,29 +286,25 @@ impl<'m> Posterior<'m> {
     }
 
     /// r = Pᵀ c (target − P x): the data's part of the residual.
-    #[inline(always)]
-    fn residual(&mut self, weights: &[f32], mut target: impl FnMut(usize, f32) -> f32) {
+    #[cfg_attr(feature = "simd", inline(always))]
+    fn residual(&mut self, weights: &mut [f32], mut target: impl FnMut(usize, f32) -> f32) {
         let (shape, top) = (self.shape, self.shape.top);
         expand(&shape, self.s, self.x, self.u, top);
         add_noise(self.s, self.x, self.u, top);
-        let (n, side) = (Shape::size(top), shape.side);
-        let (from, to) = (&self.u[Shape::level(top)], &mut self.r[Shape::level(top)]);
-        pass(from, n, self.rows, to, |row, values| {
-            let start = row * side;
-            for (x, v) in values.iter_mut().enumerate() {
-                let c = weights[start + x];
-                *v = if c > 0.0 {
-                    c * (target(start + x, c) - *v)
-                } else {
-                    0.0
-                };
+        let from = (&self.u[Shape::level(top)], Shape::size(top));
+        let to = &mut self.r[Shape::level(top)];
+        pass(from, self.rows, to, weights, |i, c, v| {
+            if *c > 0.0 {
+                *c * (target(i, *c) - v)
+            } else {
+                0.0
             }
         });
         gather(&shape, self.s, self.r, top, self.rows);
     }
 
     /// First direction.
-    #[inline(always)]
+    #[cfg_attr(feature = "simd", inline(always))]
     fn launch(&mut self) {
         self.precondition();
         self.p.copy_from_slice(self.z);
@@ -349,10 +345,9 @@ impl<'m> Posterior<'m> {
             return false;
         }
         let alpha = self.rz / curvature;
-        for (x, p) in self.x.iter_mut().zip(self.p.iter()) {
+        let towards = self.p.iter().zip(self.z.iter());
+        for ((x, r), (p, z)) in self.x.iter_mut().zip(&mut *self.r).zip(towards) {
             *x += alpha * p;
-        }
-        for (r, z) in self.r.iter_mut().zip(self.z.iter()) {
             *r -= alpha * z;
         }
         self.precondition();
@@ -371,18 +366,12 @@ impl<'m> Posterior<'m> {
         let (shape, top) = (self.shape, self.shape.top);
         expand(&shape, self.s, self.p, self.u, top);
         add_noise(self.s, self.p, self.u, top);
-        let (n, side) = (Shape::size(top), shape.side);
-        let (from, to) = (&self.u[Shape::level(top)], &mut self.z[Shape::level(top)]);
-        let weights = &self.weights[..side * side];
-        pass(from, n, self.rows, to, |row, values| {
-            let start = row * side;
-            for (v, c) in values.iter_mut().zip(&weights[start..start + side]) {
-                *v *= c;
-            }
-        });
-        gather(&shape, self.s, self.z, top, self.rows);
-        for (z, p) in self.z.iter_mut().zip(self.p.iter()) {
-            *z += p;
+        let from = (&self.u[Shape::level(top)], Shape::size(top));
+        let to = &mut self.z[Shape::level(top)];
+        pass(from, self.rows, to, self.weights, |_, c, v| *c * v);
+        descend(&shape, self.z, top, self.rows);
+        for ((z, p), s) in self.z.iter_mut().zip(self.p.iter()).zip(self.s.iter()) {
+            *z = *z * s + p;
         }
         dot(self.p, self.z)
     }

@@ -29,10 +29,12 @@ pub(crate) const fn refined(n: usize) -> usize {
 /// One row: n nodes to 2n − 3.
 #[inline(always)]
 fn refine_row(coarse: &[f32], fine: &mut [f32]) {
-    fine[0] = 0.5 * (coarse[0] + coarse[1]);
-    for (c, f) in coarse.windows(3).zip(fine[1..].chunks_exact_mut(2)) {
-        f[0] = 0.75 * c[1] + 0.125 * (c[0] + c[2]);
-        f[1] = 0.5 * (c[1] + c[2]);
+    let (mut a, mut b) = (coarse[0], coarse[1]);
+    fine[0] = 0.5 * (a + b);
+    for (&c, f) in coarse[2..].iter().zip(fine[1..].chunks_exact_mut(2)) {
+        f[0] = 0.75 * b + 0.125 * (a + c);
+        f[1] = 0.5 * (b + c);
+        (a, b) = (b, c);
     }
 }
 
@@ -43,18 +45,19 @@ fn restrict_row(fine: &[f32], coarse: &mut [f32]) {
     let second = |e: f32, next: f32, o: f32, p: f32| 0.75 * e + 0.125 * next + 0.5 * (o + p);
     coarse[0] = 0.125 * fine[1] + 0.5 * fine[0];
     coarse[1] = second(fine[1], fine[3], fine[0], fine[2]);
-    for (c, f) in coarse[2..n - 2]
-        .iter_mut()
-        .zip(fine[1..].windows(5).step_by(2))
-    {
-        *c = 0.75 * f[2] + 0.125 * (f[0] + f[4]) + 0.5 * (f[1] + f[3]);
+    // odd node before, even node here, odd node after
+    let (mut a, mut o, mut e) = (fine[1], fine[2], fine[3]);
+    for (c, f) in coarse[2..n - 2].iter_mut().zip(fine[4..].chunks_exact(2)) {
+        let (p, b) = (f[0], f[1]);
+        *c = 0.75 * e + 0.125 * (a + b) + 0.5 * (o + p);
+        (a, o, e) = (e, p, b);
     }
     coarse[n - 2] = second(fine[m - 2], fine[m - 4], fine[m - 1], fine[m - 3]);
     coarse[n - 1] = 0.125 * fine[m - 2] + 0.5 * fine[m - 1];
 }
 
 /// Refines the n × n nodes of `coarse` to (2n − 3)² of `fine`.
-#[inline(always)]
+#[cfg_attr(feature = "simd", inline(always))]
 pub(crate) fn refine(coarse: &[f32], n: usize, fine: &mut [f32]) {
     let m = refined(n);
     for (j, c) in coarse.chunks_exact(n).enumerate() {
@@ -62,21 +65,19 @@ pub(crate) fn refine(coarse: &[f32], n: usize, fine: &mut [f32]) {
         let row = (2 * j).saturating_sub(1).min(m - 1);
         refine_row(c, &mut fine[row * m..(row + 1) * m]);
     }
-    for row in (2..m - 1).step_by(2) {
-        let [above, odd, below] = three_rows(fine, row - 1, m);
-        for ((o, a), b) in odd.iter_mut().zip(above).zip(below) {
-            *o = 0.5 * (*a + *b);
-        }
-    }
     let (first, rest) = fine.split_at_mut(m);
     halfway(first, &rest[..m]);
-    let (rest, last) = fine.split_at_mut((m - 1) * m);
-    halfway(last, &rest[(m - 2) * m..]);
-    for row in (1..m - 1).step_by(2) {
-        let [above, even, below] = three_rows(fine, row - 1, m);
-        for ((e, a), b) in even.iter_mut().zip(above).zip(below) {
-            *e = 0.5 * *e + 0.25 * (*a + *b);
+    for row in (1..m - 2).step_by(2) {
+        let [above, even, odd, below] = four_rows(fine, row - 1, m);
+        for ((e, o), (a, b)) in even.iter_mut().zip(odd).zip(above.iter().zip(below)) {
+            *o = 0.5 * (*e + *b);
+            *e = 0.5 * *e + 0.25 * (*a + *o);
         }
+    }
+    let [above, even, odd] = three_rows(fine, m - 3, m);
+    for ((e, o), a) in even.iter_mut().zip(odd).zip(above) {
+        *o = 0.5 * (*o + *e);
+        *e = 0.5 * *e + 0.25 * (*a + *o);
     }
 }
 
@@ -88,6 +89,14 @@ fn halfway(a: &mut [f32], b: &[f32]) {
     }
 }
 
+/// Rows `r` to `r + 3`, of `m` elements each.
+#[inline(always)]
+fn four_rows(grid: &mut [f32], r: usize, m: usize) -> [&mut [f32]; 4] {
+    let (first, rest) = grid[r * m..(r + 4) * m].split_at_mut(m);
+    let [a, b, c] = three_rows(rest, 0, m);
+    [first, a, b, c]
+}
+
 /// Rows `r`, `r + 1` and `r + 2`, of `m` elements each.
 #[inline(always)]
 fn three_rows(grid: &mut [f32], r: usize, m: usize) -> [&mut [f32]; 3] {
@@ -97,126 +106,82 @@ fn three_rows(grid: &mut [f32], r: usize, m: usize) -> [&mut [f32]; 3] {
 }
 
 /// Rows that [`pass`] and [`restrict`] work in, each of the fine grid's length.
-pub(crate) const ROWS: usize = 8;
+pub(crate) const ROWS: usize = 6;
 
-/// The rolling rows of a pass.
-struct Rolling<'a> {
-    here: &'a mut [f32],
-    next: &'a mut [f32],
-    odd: &'a mut [f32],
-    even: &'a mut [f32],
-    odd_out: &'a mut [f32],
-    pending: &'a mut [f32],
-    sum: &'a mut [f32],
-    done: &'a mut [f32],
-}
-
-impl<'a> Rolling<'a> {
-    #[inline(always)]
-    fn new(rows: &'a mut [f32], m: usize) -> Self {
-        let mut rows = rows[..ROWS * m].chunks_exact_mut(m);
-        let mut row = || {
-            let row = rows.next().unwrap_or_default();
-            row.fill(0.0);
-            row
-        };
-        Rolling {
-            here: row(),
-            next: row(),
-            odd: row(),
-            even: row(),
-            odd_out: row(),
-            pending: row(),
-            sum: row(),
-            done: row(),
-        }
-    }
-
-    /// Refined rows: the even one here and the odd one after it.
-    #[inline(always)]
-    fn rise(&mut self) {
-        let m = self.here.len();
-        let (next, odd, even) = (&self.next[..m], &mut self.odd[..m], &mut self.even[..m]);
-        let copy = &mut self.odd_out[..m];
-        for (x, &h) in self.here.iter().enumerate() {
-            let o = 0.5 * (h + next[x]);
-            even[x] = 0.5 * h + 0.25 * (odd[x] + o);
-            odd[x] = o;
-            copy[x] = o;
-        }
-    }
-
-    /// Takes the even row and the odd one after it back down; `done` is then the
-    /// vertically restricted row before.
-    #[inline(always)]
-    fn fall(&mut self) {
-        let m = self.even.len();
-        let (odd, sum) = (&self.odd_out[..m], &mut self.sum[..m]);
-        let (pending, done) = (&mut self.pending[..m], &mut self.done[..m]);
-        for (x, &g) in self.even.iter().enumerate() {
-            let quarter = 0.25 * g;
-            let t = pending[x] + quarter;
-            done[x] = 0.5 * (sum[x] + t);
-            sum[x] = g + t;
-            pending[x] = odd[x] + quarter;
-        }
-    }
-}
-
-/// Calls `visit` on a row without its ghosts, which are then 0.
-#[inline(always)]
-fn inside(row: &mut [f32], visit: impl FnOnce(&mut [f32])) {
-    if let [first, cells @ .., last] = row {
-        (*first, *last) = (0.0, 0.0);
-        visit(cells);
-    }
-}
-
-/// Restricts what `visit` makes of the refinement: for every row of the fine grid, in
-/// order and without the ghosts, `visit(row, values)` sees the refined values and leaves
-/// what is to be restricted into `out`. The fine grid itself is never stored.
+/// Restricts what `visit` makes of the refinement: `visit(i, c, value)` sees for every
+/// cell `i`, row by row and without the ghosts, its entry `c` of `cells` and the refined
+/// value, and returns what is to be restricted into `out`. The fine grid itself is never
+/// stored. An even row and the odd one after it go up and down again in one loop.
 #[inline(always)]
 pub(crate) fn pass(
-    coarse: &[f32],
-    n: usize,
+    (coarse, n): (&[f32], usize),
     rows: &mut [f32],
     out: &mut [f32],
-    mut visit: impl FnMut(usize, &mut [f32]),
+    cells: &mut [f32],
+    mut visit: impl FnMut(usize, &mut f32, f32) -> f32,
 ) {
-    let mut roll = Rolling::new(rows, refined(n));
-    refine_row(&coarse[..n], roll.next);
-    for j in 0..n - 1 {
-        core::mem::swap(&mut roll.here, &mut roll.next);
-        refine_row(&coarse[(j + 1) * n..(j + 2) * n], roll.next);
-        roll.rise();
-        match j {
-            0 => roll.even.fill(0.0),
-            _ => inside(roll.even, |cells| visit(2 * j - 2, cells)),
-        }
-        if j == 0 || j == n - 2 {
-            roll.odd_out.fill(0.0);
-        } else {
-            inside(roll.odd_out, |cells| visit(2 * j - 1, cells));
-        }
-        roll.fall();
-        if j > 0 {
-            restrict_row(roll.done, &mut out[(j - 1) * n..j * n]);
-        }
+    let m = refined(n);
+    let (mut here, rest) = rows[..ROWS * m].split_at_mut(m);
+    let (mut next, rest) = rest.split_at_mut(m);
+    let (done, columns) = rest.split_at_mut(m);
+    let columns = &mut columns.as_chunks_mut::<3>().0[..m - 2];
+    let side = m - 2;
+    done.fill(0.0);
+    refine_row(&coarse[..n], here);
+    refine_row(&coarse[n..2 * n], next);
+    for ((column, h), x) in columns.iter_mut().zip(&here[1..]).zip(&next[1..]) {
+        *column = [0.5 * (h + x), 0.0, 0.0];
     }
-    roll.even.fill(0.0);
-    roll.fall();
-    restrict_row(roll.done, &mut out[(n - 2) * n..(n - 1) * n]);
-    // the ghost row: what is left of the last odd row
-    let last = &mut out[(n - 1) * n..n * n];
-    for s in roll.sum.iter_mut() {
-        *s *= 0.5;
+    for j in 1..n - 2 {
+        core::mem::swap(&mut here, &mut next);
+        refine_row(&coarse[(j + 1) * n..(j + 2) * n], next);
+        let start = (2 * j - 2) * side;
+        let (even, odd) = cells[start..start + 2 * side].split_at_mut(side);
+        let cells = even.iter_mut().zip(odd);
+        let surface = here[1..m - 1].iter().zip(&next[1..m - 1]);
+        let state = columns.iter_mut().zip(&mut done[1..m - 1]);
+        for (x, ((cells, surface), (column, done))) in cells.zip(surface).zip(state).enumerate() {
+            let [above, pending, sum] = *column;
+            let (h, o) = (*surface.0, 0.5 * (surface.0 + surface.1));
+            let even = visit(start + x, cells.0, 0.5 * h + 0.25 * (above + o));
+            let odd = visit(start + side + x, cells.1, o);
+            let quarter = 0.25 * even;
+            let t = pending + quarter;
+            *done = 0.5 * (sum + t);
+            *column = [o, odd + quarter, even + t];
+        }
+        restrict_row(done, &mut out[(j - 1) * n..j * n]);
     }
-    restrict_row(roll.sum, last);
+    // the last even row; the odd one after it is the ghost
+    core::mem::swap(&mut here, &mut next);
+    refine_row(&coarse[(n - 1) * n..n * n], next);
+    let start = (side - 1) * side;
+    for x in 0..side {
+        let [above, pending, sum] = columns[x];
+        let o = 0.5 * (here[x + 1] + next[x + 1]);
+        let value = 0.5 * here[x + 1] + 0.25 * (above + o);
+        let even = visit(start + x, &mut cells[start + x], value);
+        let quarter = 0.25 * even;
+        let t = pending + quarter;
+        done[x + 1] = 0.5 * (sum + t);
+        columns[x] = [0.0, quarter, even + t];
+    }
+    restrict_row(done, &mut out[(n - 3) * n..(n - 2) * n]);
+    for (done, column) in done[1..].iter_mut().zip(columns.iter_mut()) {
+        let [_, pending, sum] = *column;
+        *done = 0.5 * (sum + pending);
+        column[2] = pending;
+    }
+    restrict_row(done, &mut out[(n - 2) * n..(n - 1) * n]);
+    for (done, [_, _, sum]) in done[1..].iter_mut().zip(columns.iter()) {
+        *done = 0.5 * sum;
+    }
+    restrict_row(done, &mut out[(n - 1) * n..n * n]);
 }
 
 /// Transpose of [`refine`]: (2n − 3)² nodes of `fine` to n × n of `coarse`. `rows` lends
 /// three rows.
-#[inline(always)]
+#[cfg_attr(feature = "simd", inline(always))]
 pub(crate) fn restrict(fine: &[f32], n: usize, rows: &mut [f32], coarse: &mut [f32]) {
     let m = refined(n);
     let (odd, rest) = rows[..3 * m].split_at_mut(m);
@@ -323,11 +288,10 @@ mod tests {
             let mut rows = vec![f32::NAN; ROWS * m];
             restrict(&fine, n, &mut rows, &mut expected);
             let mut out = vec![f32::NAN; n * n];
-            pass(&u, n, &mut rows, &mut out, |row, v| {
-                for (v, c) in v.iter_mut().zip(&c[(row + 1) * m + 1..]) {
-                    *v *= c;
-                }
-            });
+            let inner = |i: usize| (1..m - 1).contains(&(i / m)) && (1..m - 1).contains(&(i % m));
+            let inner = (0..m * m).filter(|&i| inner(i)).map(|i| c[i]);
+            let mut cells: Vec<f32> = inner.collect();
+            pass((&u, n), &mut rows, &mut out, &mut cells, |_, c, v| *c * v);
             for (a, b) in out.iter().zip(&expected) {
                 prop_assert!((a - b).abs() < 2e-5, "{a} {b}");
             }

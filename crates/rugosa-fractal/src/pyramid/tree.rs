@@ -34,17 +34,14 @@ use rugosa_grid::math;
 
 impl Posterior<'_> {
     /// Prepares the preconditioner for the current weights and deviations.
-    #[inline(always)]
+    #[cfg_attr(feature = "simd", inline(always))]
     pub(super) fn factor(&mut self) {
         let shape = self.shape;
         let top = Shape::level(shape.top);
         let size = Shape::size(shape.top);
-        let (side, weights) = (shape.side, &*self.weights);
         // the weights on the top level's nodes: a pass that puts them in as they are
         let (from, to) = (&self.s[top.clone()], &mut self.u[top]);
-        pass(from, size, self.rows, to, |row, values| {
-            values.copy_from_slice(&weights[row * side..(row + 1) * side]);
-        });
+        pass((from, size), self.rows, to, self.weights, |_, c, _| *c);
         for l in (shape.dense..=shape.top).rev() {
             for i in Shape::level(l) {
                 let (s, c) = (self.s[i], self.u[i]);
@@ -64,7 +61,7 @@ impl Posterior<'_> {
     }
 
     /// 1 + TᵀCT of the block, column by column, then its Cholesky factor.
-    #[inline(always)]
+    #[cfg_attr(feature = "simd", inline(always))]
     fn factor_block(&mut self) {
         let shape = self.shape;
         let (order, dense) = (shape.block(), Shape::level(shape.dense));
@@ -85,7 +82,7 @@ impl Posterior<'_> {
     }
 
     /// z = B r. Overwrites `u`.
-    #[inline(always)]
+    #[cfg_attr(feature = "simd", inline(always))]
     pub(super) fn precondition(&mut self) {
         let shape = self.shape;
         self.z[Shape::level(shape.top)].fill(0.0);
@@ -111,13 +108,10 @@ impl Posterior<'_> {
     fn eliminate(&mut self, l: usize) {
         let at = Shape::level(l);
         let (u, h) = (&mut self.u[at.clone()], &self.z[at.clone()]);
-        let (a, k, r) = (
-            &self.inverse[at.clone()],
-            &self.coupling[at.clone()],
-            &self.r[at],
-        );
-        for i in 0..u.len() {
-            u[i] = h[i] * a[i] - k[i] * r[i];
+        let (a, k) = (&self.inverse[at.clone()], &self.coupling[at.clone()]);
+        let rest = a.iter().zip(k).zip(&self.r[at]);
+        for ((u, h), ((a, k), r)) in u.iter_mut().zip(h).zip(rest) {
+            *u = h * a - k * r;
         }
     }
 
@@ -142,9 +136,10 @@ impl Posterior<'_> {
         let (u, z) = (&mut self.u[at.clone()], &mut self.z[at.clone()]);
         let (a, k) = (&self.inverse[at.clone()], &self.coupling[at.clone()]);
         let (r, s) = (&self.r[at.clone()], &self.s[at]);
-        for i in 0..u.len() {
-            z[i] = (r[i] + s[i] * z[i]) * a[i] - k[i] * u[i];
-            u[i] += s[i] * z[i];
+        let rest = a.iter().zip(k).zip(r.iter().zip(s));
+        for ((u, z), ((a, k), (r, s))) in u.iter_mut().zip(z).zip(rest) {
+            *z = (r + s * *z) * a - k * *u;
+            *u += s * *z;
         }
     }
 }
