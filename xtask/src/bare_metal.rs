@@ -93,6 +93,7 @@ pub fn hil() -> Result<Outcome> {
     build_firmware(Board::Mps2An386)?;
     build_on_target_tests()?;
     let tests = "test --package rugosa-hil --package rugosa-hil-sim --package rugosa-tests \
+        --package rugosa-host \
         --test module --test budgets --test firmware --test over_a_cable --lib \
         -- --include-ignored --test-threads=1";
     let tests: Vec<&str> = tests.split_whitespace().collect();

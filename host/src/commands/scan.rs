@@ -32,7 +32,7 @@ pub struct Args {
     baud: u32,
 
     /// The port leads to a module that maps by itself: show and save what it tells
-    #[arg(long, conflicts_with_all = ["record", "config"])]
+    #[arg(long, conflicts_with_all = ["record", "config", "report", "resume"])]
     device: bool,
 
     /// Record everything that comes into this MCAP file

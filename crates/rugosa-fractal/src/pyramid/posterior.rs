@@ -9,7 +9,7 @@
 //! draw at temperature T.
 //!
 //! Heights and deviations in metres, cells in window order (row = y ascending, x
-//! fastest). Memory is lent, `need(side)` elements: 86 KiB for 65 × 65 cells, the map
+//! fastest). Memory is lent, `need(side)` elements: 76 KiB for 65 × 65 cells, the map
 //! itself not included.
 //!
 //! Cost of an iteration: about 13 additions and multiplications per cell, no division.
