@@ -108,23 +108,21 @@ pub fn tables() -> String {
     push(format_args!(
         "const MIN_LEVELS: usize = {MIN_LEVELS};\nconst STEPS: usize = {STEPS};\n\
          /// Most levels a pyramid can have.\npub const MAX_LEVELS: usize = {MAX_LEVELS};\n\
-         static POWER: [[[f32; MAX_LEVELS + 1]; STEPS + 1]; {}] = [\n",
-        MAX_LEVELS - MIN_LEVELS + 1
+         static POWER: [f32; {}] = [\n",
+        (STEPS + 1) * (MIN_LEVELS..=MAX_LEVELS).map(|l| l + 1).sum::<usize>()
     ));
     for levels in MIN_LEVELS..=MAX_LEVELS {
-        push(format_args!("["));
         for step in 0..=STEPS {
             let hurst = (step as f64 / STEPS as f64).clamp(0.01, 0.99);
             let fit = calibrate(&structure, hurst, levels);
-            let mut row = [0f32; MAX_LEVELS + 1];
-            for (j, r) in row.iter_mut().enumerate().take(levels) {
-                *r = (fit[j] * libm::pow(4.0, -hurst * j as f64)) as f32;
+            for (j, variance) in fit.iter().enumerate().take(levels) {
+                let share = (variance * libm::pow(4.0, -hurst * j as f64)) as f32;
+                push(format_args!("{share:?}, "));
             }
             let octaves = levels as f64;
-            row[MAX_LEVELS] = (fit[levels] * libm::pow(4.0, (1.0 - hurst) * octaves)) as f32;
-            push(format_args!("{row:?},\n"));
+            let slope = (fit[levels] * libm::pow(4.0, (1.0 - hurst) * octaves)) as f32;
+            push(format_args!("{slope:?},\n"));
         }
-        push(format_args!("],\n"));
     }
     push(format_args!("];\n"));
     let distances: Vec<usize> = lengths.into_iter().filter(|&h| h > 0).collect();

@@ -55,6 +55,12 @@ impl Prior for Levels {
     }
 }
 
+/// Where the entries for this many levels begin in `POWER`: row by row of H, one number
+/// per level and one for the plane.
+const fn first_of(levels: usize) -> usize {
+    (STEPS + 1) * (levels * (levels + 1) - MIN_LEVELS * (MIN_LEVELS + 1)) / 2
+}
+
 /// Largest share of the broad mean level: this many times the relief to be expected.
 const BROAD: f32 = 10.0;
 /// The finest level keeps this share of the lag-1 variance, so that no weight is infinite.
@@ -74,11 +80,12 @@ impl Levels {
         if !(sigma > 1e-9 && sigma < 1e9) {
             return Err(Error::Sigma(sigma));
         }
-        let table = &POWER[count - MIN_LEVELS];
+        let table = &POWER[first_of(count)..];
         let at = hurst * STEPS as f32;
         let step = (at as usize).min(STEPS - 1);
         let part = at - step as f32;
-        let between = |j: usize| table[step][j] + part * (table[step + 1][j] - table[step][j]);
+        let at = |step: usize, j: usize| table[step * (count + 1) + j];
+        let between = |j: usize| at(step, j) + part * (at(step + 1, j) - at(step, j));
         let square = sigma * sigma;
         let mut variance = [0f32; MAX_LEVELS];
         for (j, v) in variance.iter_mut().enumerate().take(count) {
@@ -87,7 +94,7 @@ impl Levels {
         let flat = 2.0 * (hurst - 1.0) * count as f32;
         Ok(Levels {
             variance,
-            slope: square * between(MAX_LEVELS) * math::exp2(flat),
+            slope: square * between(count) * math::exp2(flat),
             mean: BROAD * BROAD * square * math::powf(side as f32, 2.0 * hurst),
         })
     }
