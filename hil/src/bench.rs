@@ -3,7 +3,7 @@
 use crate::feeder::Feeder;
 use crate::listener::Listener;
 use crate::log::{Entry, Log};
-use crate::sent_map::Extent;
+use crate::sent_map::{Extent, Sent};
 use crate::summary::{Lines, Parity, STAGES, Summary};
 use crate::twin::Twin;
 use anyhow::{Context, Result, bail};
@@ -337,6 +337,7 @@ impl<M: Iterator<Item = Message>> Bench<M> {
                     continue;
                 };
                 let own = twin.mapper().value(description.layer, cell);
+                let (sent, own) = same_unknown(description.layer, sent, own);
                 let same =
                     sent.value.is_nan() && own.is_nan() || (sent.value - own).abs() <= sent.within;
                 parity.values += 1;
@@ -395,6 +396,15 @@ impl<M: Iterator<Item = Message>> Bench<M> {
             log_entries: self.entries.len(),
         }
     }
+}
+
+/// A cell that lay outside the window when its tile was sent has no state; when it comes
+/// into the window its state is "unknown". Nothing has become known, so nothing is sent.
+fn same_unknown(layer: Layer, mut sent: Sent, own: f32) -> (Sent, f32) {
+    if layer == Layer::State && sent.value.is_nan() && own == 0.0 {
+        sent.value = own;
+    }
+    (sent, own)
 }
 
 /// Do the last three statuses tell the same of bytes read and patches sent?

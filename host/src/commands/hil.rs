@@ -204,6 +204,7 @@ pub fn layers(map: &SentMap, extent: &Extent, resolution: f32) -> Layers {
         columns: extent.columns,
         resolution,
         corner: [extent.origin.x, extent.origin.y].map(|i| f64::from(i) * resolution),
+        shift: [0.0; 2],
         layers: Vec::new(),
     };
     for (name, unit, values) in map.layers(extent) {
