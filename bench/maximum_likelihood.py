@@ -52,20 +52,22 @@ def estimate(points, noise):
     near = predecessors(xy)
     cost = lambda p: likelihood(1 / (1 + np.exp(-p[0])), np.exp(p[1]), noise, xy, z, near)
     lag1 = np.std(z) / SIDE**0.5
-    return 1 / (1 + np.exp(-minimize(cost, [0.0, np.log(lag1)], method="Nelder-Mead",
-                                     options=dict(xatol=2e-3, fatol=0.05)).x[0]))
+    simplex = np.array([[0.0, np.log(lag1)]]) + [[0, 0], [0.8, 0], [0, 0.5]]
+    best = minimize(cost, simplex[0], method="Nelder-Mead", options=dict(xatol=2e-3, fatol=0.02, initial_simplex=simplex))
+    return 1 / (1 + np.exp(-best.x[0]))
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("rugosa", help="the command, e.g. target/release/rugosa")
     parser.add_argument("--surfaces", type=int, default=4)
+    parser.add_argument("--dimensions", type=float, nargs="+", default=[2.1, 2.3, 2.5, 2.7, 2.9])
     parser.add_argument("--snr", type=float, help="signal to noise [dB]; none without it")
     arguments = parser.parse_args()
     print("| D | likelihood: bias, deviation | rugosa: bias, deviation |\n|---|---|---|")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "surface.npy"
-        for dimension in (2.1, 2.3, 2.5, 2.7, 2.9):
+        for dimension in arguments.dimensions:
             errors = []
             for seed in range(arguments.surfaces):
                 subprocess.run([arguments.rugosa, "synthesize", "--size", "513", "--dimension", str(dimension), "--seed",
