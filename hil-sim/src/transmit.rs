@@ -10,6 +10,7 @@
 //! (serial ports: a timeout of 0); `TimedOut`, `WouldBlock` and `Interrupted` mean "not
 //! now".
 
+use std::collections::VecDeque;
 use std::io::{self, ErrorKind, Read, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -74,6 +75,8 @@ pub struct Transmitter<P, C> {
     clock: C,
     link: Link,
     description: Vec<Message>,
+    /// of the description, what the peer has not been told yet
+    untold: VecDeque<Message>,
     tests: SelfTest,
     sent: Sent,
     /// taken from the stream, not sent yet
@@ -91,6 +94,7 @@ impl<P: Read + Write, C: Clock> Transmitter<P, C> {
             clock,
             link: Link::new(hello, session),
             description: Vec::new(),
+            untold: VecDeque::new(),
             tests: SelfTest::default(),
             sent: Sent::default(),
             pending: None,
@@ -171,7 +175,7 @@ impl<P: Read + Write, C: Clock> Transmitter<P, C> {
                 self.sent.skipped += 1;
                 return Ok(());
             }
-            if late.is_some() && self.try_send(next, late)? {
+            if late.is_some() && self.untold.is_empty() && self.try_send(next, late)? {
                 return Ok(());
             }
             self.nap();
@@ -232,23 +236,35 @@ impl<P: Read + Write, C: Clock> Transmitter<P, C> {
                 break;
             }
         }
-        self.tend()
+        self.tend()?;
+        self.tell()
     }
 
     fn handle(&mut self, event: Event) -> Result<()> {
         match event {
             Event::Connected { .. } => {
                 self.sent.connections += 1;
-                self.tend()?; // the greeting goes before the description
-                for message in self.description.clone() {
-                    self.say(&message)?;
-                }
+                self.untold = self.description.iter().cloned().collect();
             }
             Event::Refused(refusal) => bail!(refusal),
             Event::Message(frame) => {
                 self.tests.take(&frame.message);
             }
             Event::Silent | Event::Broken(_) => {}
+        }
+        Ok(())
+    }
+
+    /// Goes on with the description as far as the peer has room.
+    fn tell(&mut self) -> Result<()> {
+        let mut buffer = [0; MAX_FRAME];
+        while let Some(message) = self.untold.front() {
+            match self.link.send(message, self.now_us(), &mut buffer) {
+                Ok(length) => self.write(&buffer[..length])?,
+                Err(Unsent::BufferFull) => bail!(Unsent::BufferFull),
+                Err(_) => break, // goes on when there is room, or afresh with the next connection
+            }
+            self.untold.pop_front();
         }
         Ok(())
     }

@@ -103,12 +103,15 @@ impl Read for Port {
 }
 
 fn simulation(sweeps: u32) -> Simulation {
+    simulation_of(Device::perceptron().thinned(32, 32), sweeps)
+}
+
+fn simulation_of(device: Device, sweeps: u32) -> Simulation {
     let path = Path::Still {
         at: [0.0, 0.0],
         heading: 0.0,
     };
     let robot = Robot::new(Arc::new(Plane::FLAT), path);
-    let device = Device::perceptron().thinned(32, 32);
     let mut simulation = Simulation::new(Scanner::new(device, robot, 1));
     simulation.sweeps = Some(sweeps);
     simulation
@@ -183,6 +186,36 @@ fn lines_wait_for_credit() {
     let sent = scanner.run(messages, patient, &GO, &mut |_| ()).unwrap();
     assert_eq!((sent.lines, sent.skipped, sent.sweeps), (0, 64, 2));
     assert!(port.lines().is_empty() && sent.waits > 0);
+}
+
+#[test]
+fn tables_wait_for_credit_and_come_before_the_rest() {
+    let clock = VirtualClock::default();
+    let port = Port::new(&clock, capability::FLOW_CONTROL, 1);
+    let simulation = simulation_of(Device::lidar().thinned(8, 64), 1);
+    let description = simulation.description();
+    let hello = Hello::new(Role::Scanner, "simulated", "0");
+    let mut scanner =
+        Transmitter::new(port.clone(), clock.clone(), hello, 7).describe(description.clone());
+    scanner.idle(Duration::from_millis(300)).unwrap();
+    let tables = |port: &Port| {
+        let heard = &port.0.borrow().heard;
+        let is_table = |frame: &&Frame| matches!(frame.message, Message::BeamTable(_));
+        heard.iter().filter(is_table).count()
+    };
+    assert_eq!(tables(&port), 0, "without room");
+    port.0.borrow_mut().room = Some(1);
+    let stop = AtomicBool::new(false);
+    let messages = &mut simulation.messages();
+    scanner
+        .run(messages, Sending::UNLIMITED, &stop, &mut |_| ())
+        .unwrap();
+    assert_eq!(tables(&port), description.len() - 1);
+    let peer = port.0.borrow();
+    let spoken = peer.heard.iter().map(|frame| frame.message.clone());
+    let spoken = spoken.filter(|message| !matches!(message, Message::Heartbeat(_)));
+    let messages = simulation.messages().map(|stamped| stamped.message);
+    assert!(spoken.eq(description.into_iter().chain(messages)));
 }
 
 #[test]

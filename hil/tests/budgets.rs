@@ -117,37 +117,38 @@ fn of_the_solver() -> Result<Map<String, Value>> {
     Ok(named.into_iter().collect())
 }
 
-/// The steady state: the last sweep of the walk.
+/// Per return: the first sweep, when every pair is new, and the steady state, the last
+/// one. Per sweep: the dearest of all, which refreshes every tile.
 fn measured(sweeps: &[SweepCost]) -> Map<String, Value> {
-    let [.., before, last] = sweeps else {
+    let (Some(first), [.., before, last]) = (sweeps.first(), sweeps) else {
         return Map::new();
     };
-    let returns = f64::from(last.returns - before.returns);
-    let per_return = |cost: u32| (f64::from(cost) / returns * 10.0).round() / 10.0;
+    let tenths = |cost: u32, returns: u32| {
+        json!((f64::from(cost) / f64::from(returns) * 10.0).round() / 10.0)
+    };
     let mut table = Map::new();
-    table.insert(
-        "decoding, per return".into(),
-        json!(per_return(last.receive)),
-    );
-    table.insert(
-        "projection and fusion, per return".into(),
-        json!(per_return(last.lines)),
-    );
-    table.insert(
-        "pair counters, per return".into(),
-        json!(per_return(last.counters)),
-    );
-    table.insert(
-        "all of these, per return".into(),
-        json!(per_return(last.receive + last.lines + last.counters)),
-    );
+    for (name, sweep, returns) in [
+        ("first sweep", first, first.returns),
+        ("steady state", last, last.returns - before.returns),
+    ] {
+        let all = sweep.receive + sweep.lines + sweep.counters;
+        for (part, cost) in [
+            ("decoding", sweep.receive),
+            ("projection and fusion", sweep.lines),
+            ("pair counters", sweep.counters),
+            ("all of these", all),
+        ] {
+            table.insert(format!("{name}: {part}, per return"), tenths(cost, returns));
+        }
+    }
+    let dearest = |cost: fn(&SweepCost) -> u32| sweeps.iter().map(cost).max();
     for (name, cost) in [
-        ("refresh of roughness, per sweep", last.roughness),
+        ("refresh of roughness, all tiles", dearest(|s| s.roughness)),
         (
             "estimate of the whole map and reconstruction, per sweep",
-            last.reconstruction,
+            dearest(|s| s.reconstruction),
         ),
-        ("traversability, per sweep", last.traversability),
+        ("traversability, all tiles", dearest(|s| s.traversability)),
     ] {
         table.insert(name.into(), json!(cost));
     }

@@ -20,6 +20,7 @@ pub mod plan;
 pub mod planes;
 pub mod reconstruct;
 pub mod recording;
+pub mod relaxation;
 pub mod saved;
 pub mod scaling;
 pub mod view;

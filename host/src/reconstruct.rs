@@ -358,13 +358,32 @@ fn local(points: &[[f64; 3]], noise: f64) -> Option<Roughness> {
     })
 }
 
-/// A reconstruction with its memory.
+/// A way from the data to a surface.
+pub trait Solve {
+    /// The surface of least error, of the whole square. `done` hears of every iteration.
+    fn mean(&mut self, iterations: usize, done: &mut dyn FnMut()) -> Result<(Vec<f32>, Progress)>;
+
+    /// A draw at a temperature, from a seed.
+    fn realisation(
+        &mut self,
+        draw: (f32, u64),
+        iterations: usize,
+        done: &mut dyn FnMut(),
+    ) -> Result<(Vec<f32>, Progress)>;
+
+    /// Standard deviation from `draws`.
+    fn deviation(&mut self, draws: Draws, seed: u64) -> Result<Vec<f32>>;
+
+    /// Data that were refused.
+    fn refused(&self) -> usize;
+}
+
+/// The pyramid with its memory.
 pub struct Solver<'a, P> {
     seen: &'a Seen,
     prior: &'a P,
     memory: Vec<f32>,
-    /// data the solver refused
-    pub intake: Intake,
+    intake: Intake,
 }
 
 impl<'a, P: Prior> Solver<'a, P> {
@@ -382,13 +401,10 @@ impl<'a, P: Prior> Solver<'a, P> {
     fn posterior(&mut self) -> Result<Posterior<'_>> {
         Posterior::new(self.seen.side, &mut self.memory).map_err(Failure::input)
     }
+}
 
-    /// Posterior mean of the square. `done` hears of every iteration.
-    pub fn mean(
-        &mut self,
-        iterations: usize,
-        done: &mut dyn FnMut(),
-    ) -> Result<(Vec<f32>, Progress)> {
+impl<P: Prior> Solve for Solver<'_, P> {
+    fn mean(&mut self, iterations: usize, done: &mut dyn FnMut()) -> Result<(Vec<f32>, Progress)> {
         let (seen, prior) = (self.seen, self.prior);
         let data = |i: usize| seen.data[i];
         let mut posterior = self.posterior()?;
@@ -400,8 +416,7 @@ impl<'a, P: Prior> Solver<'a, P> {
         Ok((out, progress))
     }
 
-    /// A draw from the posterior at a temperature.
-    pub fn realisation(
+    fn realisation(
         &mut self,
         (temperature, seed): (f32, u64),
         iterations: usize,
@@ -419,14 +434,17 @@ impl<'a, P: Prior> Solver<'a, P> {
         Ok((out, progress))
     }
 
-    /// Standard deviation of the square from `draws`.
-    pub fn deviation(&mut self, draws: Draws, seed: u64) -> Result<Vec<f32>> {
+    fn deviation(&mut self, draws: Draws, seed: u64) -> Result<Vec<f32>> {
         let (seen, prior) = (self.seen, self.prior);
         let mut rng = Xoshiro128PlusPlus::seed_from_u64(seed);
         let mut out = vec![0.0; seen.side * seen.side];
         let mut posterior = self.posterior()?;
         posterior.standard_deviation((prior, |i: usize| seen.data[i]), draws, &mut rng, &mut out);
         Ok(out)
+    }
+
+    fn refused(&self) -> usize {
+        self.intake.refused
     }
 }
 

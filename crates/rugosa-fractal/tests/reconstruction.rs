@@ -2,7 +2,7 @@
 
 mod scene;
 
-use rugosa_fractal::pyramid::{Datum, Draws, Error, Levels, Posterior};
+use rugosa_fractal::pyramid::{Datum, Draws, Error, Finest, Levels, Posterior, Prior};
 use scene::{Scene, dimension, rng, structure};
 
 /// Kriging with the true variogram and an unknown mean, in double precision: the
@@ -197,6 +197,73 @@ fn deviation(scene: &Scene, count: usize) -> Vec<f32> {
         &mut out,
     );
     out
+}
+
+/// Deviation and mean plus deviation as drawn, both without solving again.
+fn spread(scene: &Scene) -> (Vec<f32>, Vec<f32>) {
+    let mut memory = vec![0.0; Posterior::need(scene.side).unwrap()];
+    let mut posterior = Posterior::new(scene.side, &mut memory).unwrap();
+    let levels = scene.levels();
+    posterior.observe(&levels, scene.datum());
+    posterior.step(20);
+    let mut mean = vec![0.0; scene.side * scene.side];
+    posterior.mean(&levels, scene.datum(), &mut mean);
+    let mut rng = rng(3);
+    posterior.spread(&mut rng);
+    let finest = |i: usize| Finest {
+        variance: levels.variance(0, 0, 0),
+        datum: scene.data[i],
+    };
+    let cells = 0..mean.len();
+    let deviation = cells.clone().map(|i| posterior.deviation_at(i, finest(i)));
+    let deviation = deviation.collect();
+    let draw = cells.map(|i| mean[i] + posterior.draw_at(i, finest(i), &mut rng));
+    (deviation, draw.collect())
+}
+
+#[test]
+fn the_spread_is_near_that_of_exact_draws() {
+    for (side, seen, hurst) in [
+        (65, 0.05, 0.8),
+        (65, 0.05, 0.5),
+        (65, 0.05, 0.2),
+        (65, 0.3, 0.8),
+        (65, 0.3, 0.5),
+        (65, 0.3, 0.2),
+        (129, 0.05, 0.5),
+    ] {
+        let (mut squares, mut variance, mut inside, mut count) = (0.0, 0.0, 0.0, 0.0);
+        let (mut apart, mut off, mut lag1) = (0.0, 0.0, 0.0);
+        let surfaces = 4;
+        for seed in 0..surfaces {
+            let scene = Scene::new(side, hurst, seen, 20.0, 70 + seed);
+            let exact = deviation(&scene, 100);
+            let (spread, draw) = spread(&scene);
+            let mean = scene.mean(20).0;
+            off += (dimension(&draw, side) - dimension(&scene.truth, side)).abs();
+            lag1 += structure(&draw, side, 1) / structure(&scene.truth, side, 1);
+            for i in (0..spread.len()).filter(|&i| scene.data[i].is_none()) {
+                let (error, sd) = (f64::from(mean[i] - scene.truth[i]), f64::from(spread[i]));
+                squares += error * error;
+                variance += sd * sd;
+                inside += f64::from(u8::from(error.abs() < 1.96 * sd));
+                apart += (sd / f64::from(exact[i])).ln().powi(2);
+                count += 1.0;
+            }
+        }
+        let (honesty, coverage) = (squares / variance, inside / count);
+        let (apart, share) = (f64::sqrt(apart / count), 1.0 / surfaces as f64);
+        println!(
+            "{side}², {seen} seen, H {hurst}: error² / variance {honesty:.3}, coverage \
+             {coverage:.3}, {apart:.3} from exact; draw: D {:.4} off, S²(1) {:.3}",
+            off * share,
+            lag1 * share
+        );
+        assert!((0.9..=1.2).contains(&honesty), "{honesty}");
+        assert!((0.92..=0.965).contains(&coverage), "{coverage}");
+        assert!(apart < 0.12, "{apart}");
+        assert!(off * share < 0.02 && (lag1 * share - 1.0).abs() < 0.08);
+    }
 }
 
 /// A reconstruction of side 33 from the given data.

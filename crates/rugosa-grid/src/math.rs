@@ -6,8 +6,12 @@
 //! platform's library instead and differ in the last place; they are not to be used in
 //! `crates/*`.
 //!
-//! Accuracy: all functions here are within 1 unit in the last place; the square root is
-//! correctly rounded.
+//! Sine, cosine and what follows from them are worked out here: `libm`'s do their
+//! arithmetic in double precision, which on a Cortex-M4F is software, 7 kB of it.
+//!
+//! Accuracy: `libm`'s functions are within 1 unit in the last place, the square root is
+//! correctly rounded; sine and cosine err by less than 1e-7, tangent and inverse sine by
+//! less than 3e-7 of their value or 1e-7.
 
 pub use core::f32::consts::{FRAC_PI_2, PI, TAU};
 
@@ -44,19 +48,38 @@ pub fn abs(x: f32) -> f32 {
     f32::from_bits(x.to_bits() & 0x7fff_ffff)
 }
 
-/// Sine of an angle in radians. Not for the path of single returns: use tables.
+/// Sine of an angle in radians, |x| ≤ 1000; NaN where x is not finite. Not for the path of
+/// single returns: use tables.
 pub fn sin(x: f32) -> f32 {
-    libm::sinf(x)
+    sin_cos(x).0
 }
 
-/// Cosine of an angle in radians. Not for the path of single returns: use tables.
+/// Cosine of an angle in radians, as [`sin`].
 pub fn cos(x: f32) -> f32 {
-    libm::cosf(x)
+    sin_cos(x).1
 }
 
-/// Tangent of an angle in radians.
+/// Tangent of an angle in radians, as [`sin`].
 pub fn tan(x: f32) -> f32 {
-    libm::tanf(x)
+    let (sin, cos) = sin_cos(x);
+    sin / cos
+}
+
+/// Reduction to |r| ≤ π/4 with π/2 in three pieces (Cody & Waite 1980), then the minimax
+/// polynomials of the Cephes library (Moshier 1989).
+fn sin_cos(x: f32) -> (f32, f32) {
+    let quadrant = round_index(x * core::f32::consts::FRAC_2_PI);
+    let k = quadrant as f32;
+    let r = ((x - k * 1.570_312_5) - k * 4.837_513e-4) - k * 7.549_79e-8;
+    let q = r * r;
+    let sin = ((-1.951_529_6e-4 * q + 8.332_161e-3) * q - 0.166_666_55) * q * r + r;
+    let cos = ((2.443_315_7e-5 * q - 1.388_731_6e-3) * q + 4.166_664_6e-2) * q * q - 0.5 * q + 1.0;
+    match quadrant & 3 {
+        0 => (sin, cos),
+        1 => (cos, -sin),
+        2 => (-sin, -cos),
+        _ => (-cos, sin),
+    }
 }
 
 /// Angle of the vector (x, y) in radians, in (−π, π].
@@ -66,7 +89,7 @@ pub fn atan2(y: f32, x: f32) -> f32 {
 
 /// Inverse sine in radians.
 pub fn asin(x: f32) -> f32 {
-    libm::asinf(x)
+    atan2(x, sqrt((1.0 - x) * (1.0 + x)))
 }
 
 /// Natural logarithm.
@@ -86,7 +109,7 @@ pub fn exp(x: f32) -> f32 {
 
 /// 2 to the power `x`.
 pub fn exp2(x: f32) -> f32 {
-    libm::exp2f(x)
+    libm::powf(2.0, x) // exp2f works in double precision
 }
 
 /// `x` to the power `y`, x ≥ 0.
@@ -120,6 +143,25 @@ mod tests {
         assert_eq!(floor_index(1e20), i32::MAX);
         assert_eq!(floor_index(-1e20), i32::MIN);
         assert_eq!(floor_index(f32::NEG_INFINITY), i32::MIN);
+    }
+
+    #[test]
+    fn angles_against_double_precision() {
+        for i in -200_000..=200_000 {
+            let x = i as f32 * 0.005;
+            let exact = f64::from(x);
+            assert!((f64::from(sin(x)) - libm::sin(exact)).abs() < 1e-7, "{x}");
+            assert!((f64::from(cos(x)) - libm::cos(exact)).abs() < 1e-7, "{x}");
+            let t = x * 1e-3;
+            let (found, exact) = (f64::from(tan(t)), libm::tan(f64::from(t)));
+            assert!((found - exact).abs() < 3e-7 * exact.abs() + 1e-7, "{t}");
+            let (found, exact) = (f64::from(asin(t)), libm::asin(f64::from(t)));
+            assert!((found - exact).abs() < 3e-7 || t.abs() > 1.0, "{t}");
+        }
+        for x in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            assert!(sin(x).is_nan() && cos(x).is_nan() && tan(x).is_nan());
+        }
+        assert!(asin(1.5).is_nan() && asin(1.0) == FRAC_PI_2);
     }
 
     #[test]

@@ -69,7 +69,7 @@ counters! {
     CONFIGURE_ACCEPTED "configure.accepted" "parameters set"
     CONFIGURE_REFUSED "configure.refused" "parameters refused"
     PATCHES_SENT "patches.sent" "map patches sent"
-    CREDIT_LIMIT "credit.limit" "lines granted in this session"
+    CREDIT_LIMIT "credit.limit" "lines and tables granted in this session"
     RESTARTS "restarts" "starts since power was applied"
     PANICS "restarts.panic" "starts after a panic"
     WATCHDOGS "restarts.watchdog" "starts after the watchdog bit"

@@ -1,7 +1,8 @@
-//! Flow control by credit: the receiver says how many scan lines may be sent in all.
+//! Flow control by credit: the receiver says how many long messages (scan lines and
+//! beam tables) may be sent in all.
 //!
-//! Both sides count line messages from the start of the session, so a repeated or lost
-//! [`Credit`] does no harm. Lines that were lost on the way are found by the count in
+//! Both sides count them from the start of the session, so a repeated or lost
+//! [`Credit`] does no harm. Those that were lost on the way are found by the count in
 //! the sender's [`crate::Heartbeat`], which it also sends while it waits for credit.
 
 use crate::message::Credit;

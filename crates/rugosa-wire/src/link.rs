@@ -46,7 +46,7 @@ pub enum Event {
 pub enum Unsent {
     /// there is no connection
     NotConnected,
-    /// a line, and the peer has no room for it
+    /// a line or a table, and the peer has no room for it
     NoCredit,
     /// the buffer is too short; [`crate::MAX_FRAME`] bytes always suffice
     BufferFull,
@@ -56,7 +56,7 @@ impl fmt::Display for Unsent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Unsent::NotConnected => "not sent: no connection",
-            Unsent::NoCredit => "not sent: the peer has no room for lines",
+            Unsent::NoCredit => "not sent: the peer has no room for lines and tables",
             Unsent::BufferFull => "not sent: the buffer is too short",
         })
     }
@@ -176,27 +176,27 @@ impl Link {
         if !self.is_connected() {
             return Err(Unsent::NotConnected);
         }
-        let is_line = matches!(message, Message::Line(_));
-        if is_line && !self.may_send_line() {
+        let is_long = message.is_on_credit();
+        if is_long && !self.may_send_long() {
             self.is_stalled = true;
             return Err(Unsent::NoCredit);
         }
         let length = self.put(message, now_us, buffer)?;
-        if is_line {
+        if is_long {
             self.spender.spend();
             self.is_stalled = false;
         }
         Ok(length)
     }
 
-    /// There is room for this many lines now. Grants them to the peer if this side
+    /// There is room for this many lines and tables now. Grants them to the peer if this side
     /// greets with [`capability::FLOW_CONTROL`].
     pub fn offer(&mut self, room: u16) {
         self.granter.offer(room);
     }
 
-    /// Has the peer room for a line?
-    pub fn may_send_line(&self) -> bool {
+    /// Has the peer room for a line or a table?
+    pub fn may_send_long(&self) -> bool {
         let limits = |peer: &Peer| peer.hello.capabilities & capability::FLOW_CONTROL != 0;
         !self.peer().is_some_and(limits) || self.spender.has_credit()
     }
@@ -297,7 +297,7 @@ impl Link {
         match &frame.message {
             Message::Credit(credit) => self.spender.granted(*credit),
             Message::Heartbeat(heartbeat) => self.granter.reconcile(heartbeat.lines),
-            Message::Line(_) => self.granter.took(),
+            long if long.is_on_credit() => self.granter.took(),
             _ => {}
         }
         let is_ours = matches!(frame.message, Message::Credit(_));

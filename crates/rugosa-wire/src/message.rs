@@ -93,6 +93,12 @@ impl Message {
         }
     }
 
+    /// Is it one of the long messages of a scanner, which are sent on credit only where the
+    /// receiver asks for that ([`capability::FLOW_CONTROL`])?
+    pub const fn is_on_credit(&self) -> bool {
+        matches!(self, Message::Line(_) | Message::BeamTable(_))
+    }
+
     /// Time of a measurement on the scanner's clock, microseconds.
     pub const fn stamp_us(&self) -> Option<u64> {
         match self {
@@ -430,9 +436,9 @@ pub enum Verdict {
 /// Flow control.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Credit {
-    /// line messages taken so far in this session
+    /// lines and tables taken so far in this session
     pub taken: u32,
-    /// line messages that may be sent in all in this session
+    /// lines and tables that may be sent in all in this session
     pub limit: u32,
 }
 
@@ -441,7 +447,7 @@ pub struct Credit {
 pub struct Heartbeat {
     /// time since start, microseconds
     pub uptime_us: u64,
-    /// line messages sent so far in this session; the link keeps order, so the receiver
+    /// lines and tables sent so far in this session; the link keeps order, so the receiver
     /// knows that those it has not seen are lost and grants credit for others
     pub lines: u32,
 }

@@ -22,7 +22,7 @@ fn fold_float(digest: u32, x: f32) -> u32 {
 }
 
 impl Mapper<'_> {
-    /// The digest of cells, samples, roughness, mean and cost.
+    /// The digest of cells, samples, roughness, reconstruction and cost.
     pub fn digest(&self) -> u32 {
         let origin = self.window().origin();
         let start = [origin.x as u32, origin.y as u32, self.grid().datum() as u32];
@@ -36,7 +36,13 @@ impl Mapper<'_> {
     }
 
     fn fold_cell(&self, digest: u32, cell: Cell) -> u32 {
-        let derived = [Layer::Mean, Layer::Traversability].map(|layer| self.value(layer, cell));
+        let derived = [
+            Layer::Mean,
+            Layer::StandardDeviation,
+            Layer::Realisation,
+            Layer::Traversability,
+        ]
+        .map(|layer| self.value(layer, cell));
         let state = fold(digest, self.grid().state(cell) as u32);
         let digest = derived.into_iter().fold(state, fold_float);
         let Some(ground) = self.grid().ground(cell) else {

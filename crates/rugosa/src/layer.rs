@@ -12,9 +12,10 @@ pub enum Layer {
     Elevation = 0,
     /// variance of the fused elevation \[m²\]
     Variance,
-    /// elevation plus two standard deviations \[m\]
+    /// mean plus two standard deviations, of the fused elevation where no reconstruction
+    /// is kept \[m\]
     UpperBound,
-    /// elevation minus two standard deviations \[m\]
+    /// the same below \[m\]
     LowerBound,
     /// lowest return \[m\]
     Lowest,
@@ -48,9 +49,9 @@ pub enum Layer {
     Reason,
     /// posterior mean of the elevation, everywhere \[m\]
     Mean,
-    /// standard deviation of the posterior \[m\]
+    /// how far the mean may be off: standard deviation \[m\]
     StandardDeviation,
-    /// one realisation of the surface \[m\]
+    /// one surface with the ground's roughness that agrees with the returns \[m\]
     Realisation,
     /// 1 where the mean is inferred, 0 where it rests on returns
     Inferred,

@@ -393,6 +393,17 @@ impl<'m> Mapper<'m> {
         self.reconstruction.mean(self.window(), cell)
     }
 
+    /// The reconstruction's standard deviation at a cell \[m\].
+    pub fn deviation(&self, cell: Cell) -> Option<f32> {
+        self.reconstruction.deviation(&self.surface.grid, cell)
+    }
+
+    /// A surface that the reconstruction holds for possible, at a cell \[m\]: with the
+    /// ground's own roughness where the mean is too smooth.
+    pub fn realisation(&self, cell: Cell) -> Option<f32> {
+        self.reconstruction.realisation(&self.surface.grid, cell)
+    }
+
     /// Cost of a cell and the criterion behind it; unknown outside the window.
     pub fn cost(&self, cell: Cell) -> CellCost {
         self.surface.costs.get(self.window(), cell)

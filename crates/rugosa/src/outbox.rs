@@ -37,6 +37,8 @@ const SENT: &[(u8, Layer)] = &[
     (ROUGHNESS, Layer::DimensionError),
     (COSTS, Layer::Traversability),
     (MEANS, Layer::Mean),
+    (MEANS, Layer::StandardDeviation),
+    (MEANS, Layer::Realisation),
 ];
 
 /// Number for unknown.

@@ -7,7 +7,7 @@ use crate::traversability::{Around, Features, Patch, grid_map};
 use rugosa_fractal::roughness::Reason;
 use rugosa_grid::{Cell, State, TILE, Tile, Tiles, math};
 
-/// Standard deviations between the elevation and its bounds.
+/// Standard deviations between a surface and its bounds.
 const BOUND_SIGMAS: f32 = 2.0;
 
 impl Mapper<'_> {
@@ -37,6 +37,10 @@ impl Mapper<'_> {
         let grid = self.grid();
         match layer {
             Layer::Mean => return self.mean(cell),
+            Layer::StandardDeviation => return self.deviation(cell),
+            Layer::Realisation => return self.realisation(cell),
+            Layer::UpperBound => return self.bound(cell, BOUND_SIGMAS),
+            Layer::LowerBound => return self.bound(cell, -BOUND_SIGMAS),
             Layer::Inferred => {
                 let inferred = grid.ground(cell).is_none();
                 return self.mean(cell).map(|_| f32::from(u8::from(inferred)));
@@ -58,8 +62,6 @@ impl Mapper<'_> {
         Some(match layer {
             Layer::Elevation => ground.elevation,
             Layer::Variance => ground.variance,
-            Layer::UpperBound => ground.bound(BOUND_SIGMAS),
-            Layer::LowerBound => ground.bound(-BOUND_SIGMAS),
             Layer::Lowest => ground.min,
             Layer::Highest => ground.max,
             Layer::Count => f32::from(ground.count),
@@ -71,6 +73,18 @@ impl Mapper<'_> {
 }
 
 impl Mapper<'_> {
+    /// The reconstruction's mean and so many of its deviations; of the fused elevation
+    /// where no reconstruction is kept.
+    fn bound(&self, cell: Cell, deviations: f32) -> Option<f32> {
+        match (self.mean(cell), self.deviation(cell)) {
+            (Some(mean), Some(deviation)) => Some(mean + deviations * deviation),
+            _ => self
+                .grid()
+                .ground(cell)
+                .map(|ground| ground.bound(deviations)),
+        }
+    }
+
     /// Slope, step and hidden step of the cells of a tile, row by row; `None` where a
     /// cell is not measured.
     pub fn features_of(&self, tile: Tile) -> [[Option<Features>; TILE as usize]; TILE as usize] {

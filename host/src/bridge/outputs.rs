@@ -3,29 +3,35 @@
 use super::summary::{Summary, Truth};
 use crate::config::decimal;
 use crate::draw::loglog::PowerLaw;
-use crate::draw::{self, StructurePlot};
+use crate::draw::{self, Picture, StructurePlot};
 use crate::error::{Failure, Result};
 use crate::export::picture::panel;
+use crate::io::Raster;
 use crate::io::atomic;
 use crate::io::output::{Output, write_raster};
-use crate::layers::Layers;
+use crate::layers::{Layer, Layers};
 use crate::plan::Planner;
 use crate::saved::SavedMap;
 use crate::view::{self, Data, Timings};
 use rugosa::{LAYERS, Mapper};
 use rugosa_fractal::roughness::Moment;
 use rugosa_grid::Tiles;
+use rugosa_hil_sim::terrain::Terrain;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Layers that are drawn, in the order of the panels.
-const DRAWN: [&str; 6] = [
+const DRAWN: [&str; 7] = [
     "elevation",
     "dimension",
     "sigma",
     "traversability",
     "mean",
+    "realisation",
     "standard_deviation",
 ];
+/// Layers that stand side by side in `reconstruction.png`, after the original if known.
+const RECONSTRUCTED: [&str; 4] = ["elevation", "mean", "realisation", "standard_deviation"];
 /// Layers that stand side by side in `maps.png`.
 const SIDE_BY_SIDE: usize = 3;
 
@@ -36,6 +42,8 @@ const MARGIN: usize = 8;
 pub struct Outputs {
     output: Output,
     extras: Extras,
+    /// the ground itself, where a simulation knows it
+    pub original: Option<Arc<dyn Terrain>>,
 }
 
 /// What is written into a directory on request.
@@ -59,7 +67,11 @@ impl Outputs {
         if extras.report && matches!(output, Output::File(_)) {
             return Err(Failure::input("--report: --out must be a directory"));
         }
-        Ok(Outputs { output, extras })
+        Ok(Outputs {
+            output,
+            extras,
+            original: None,
+        })
     }
 
     /// Writes them and returns the files.
@@ -69,15 +81,14 @@ impl Outputs {
             Output::File(path) => one(path, &layers, summary),
             Output::Directory(directory) => {
                 let mut files = all(directory, mapper, &layers, summary)?;
+                let known = known_part(&layers);
+                if let Some(picture) = reconstruction(&known, self.original.as_deref())? {
+                    files.push(directory.join("reconstruction.png"));
+                    picture.save(&directory.join("reconstruction.png"))?;
+                }
                 if self.extras.report {
                     files.push(directory.join("report.html"));
-                    let data = Data::of(
-                        "Map",
-                        mapper,
-                        &known_part(&layers),
-                        summary,
-                        timings(summary),
-                    );
+                    let data = Data::of("Map", mapper, &known, summary, timings(summary));
                     view::report(&directory.join("report.html"), &data)?;
                 }
                 if self.extras.plan {
@@ -119,6 +130,54 @@ fn all(
     SavedMap::of(mapper).write(&put("map.rugosa"))?;
     save_json(&put("summary.json"), summary)?;
     Ok(files)
+}
+
+/// Original, samples, mean, realisation and standard deviation side by side; `None` where
+/// no reconstruction is kept. Heights have the same colours in all panels.
+fn reconstruction(known: &Layers, original: Option<&dyn Terrain>) -> Result<Option<Picture>> {
+    let named = RECONSTRUCTED.map(|name| known.get(name));
+    let layers: Vec<&Layer> = named.into_iter().flatten().collect();
+    if layers.len() < RECONSTRUCTED.len() {
+        return Ok(None);
+    }
+    let mut rasters: Vec<(&str, Raster)> = Vec::new();
+    if let Some(ground) = original {
+        let raster = known.raster(layers[0]);
+        let at = |i: usize| {
+            let [x, y] = raster.node(i);
+            ground.elevation(x, y).map_or(f32::NAN, |z| z as f32)
+        };
+        let values = (0..raster.values.len()).map(at).collect();
+        rasters.push((
+            "The ground itself",
+            Raster {
+                values,
+                ..raster.clone()
+            },
+        ));
+    }
+    let titles = [
+        "What was seen",
+        "Mean",
+        "A realisation",
+        "Standard deviation",
+    ];
+    for (title, layer) in titles.into_iter().zip(layers) {
+        rasters.push((title, known.raster(layer)));
+    }
+    let (deviation, heights) = rasters.split_last().expect("five or four");
+    let all = heights.iter().flat_map(|(_, raster)| &raster.values);
+    let finite = all.filter(|z| z.is_finite()).map(|&z| f64::from(z));
+    let range = finite.fold((f64::MAX, f64::MIN), |(a, b), z| (a.min(z), b.max(z)));
+    let mut panels: Vec<draw::Layer> = heights
+        .iter()
+        .map(|(title, raster)| draw::Layer {
+            range: Some(range),
+            ..draw::Layer::elevation(title, raster)
+        })
+        .collect();
+    panels.push(draw::Layer::magnitude(deviation.0, "m", &deviation.1));
+    Ok(Some(draw::maps(&panels)?))
 }
 
 /// Writes every layer as `.npy`, the usual ones as pictures too, and `maps.png`.
@@ -329,9 +388,9 @@ pub fn structure_plot(mapper: &Mapper, summary: &Summary) -> StructurePlot {
     };
     StructurePlot {
         title: "Structure function of the map".into(),
-        measured: used().map(|m| point(m.distance, m.mean_square)).collect(),
+        measured: used().map(|m| point(m.distance(), m.mean_square)).collect(),
         corrected: used()
-            .map(|m| point(m.distance, m.mean_square - m.noise - trend(m)))
+            .map(|m| point(m.distance(), m.mean_square - m.noise - trend(m)))
             .filter(|p| p.1 > 0.0)
             .collect(),
         fit: summary.estimate.map(|e| PowerLaw {

@@ -71,13 +71,16 @@ pub fn run(args: &Args, console: &Console) -> Result<()> {
         out: Some(args.map.out.clone().unwrap_or_else(|| "out/demo".into())),
         ..args.map.clone()
     };
-    let checked = map.check_with(true)?;
+    let mut checked = map.check_with(true)?;
     let live = args
         .live
         .map(|address| Live::start(address, console))
         .transpose()?;
     let stop = session::stop()?;
     let (simulation, truth) = args.simulation.make(Some(args.sweeps))?;
+    if let Some(outputs) = &mut checked.outputs {
+        outputs.original = Some(simulation.scanner.robot.terrain.clone());
+    }
     let mut planes = HeapPlanes::new(checked.settings.side);
     let mut module = checked.module(&mut planes)?;
     if let Some(path) = &args.record {

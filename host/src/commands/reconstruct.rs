@@ -5,8 +5,11 @@ use crate::draw::{self, Layer};
 use crate::error::{Failure, Result};
 use crate::io::output::{Output, write_raster};
 use crate::io::{self, Dataset, Points, Raster, Spacing, extension};
-use crate::reconstruct::{Grid, Roughness, Seen, Solver, Tiles, cut, estimate, estimate_of_raster};
-use rugosa_fractal::pyramid::{Draws, Prior, Progress};
+use crate::reconstruct::{
+    Grid, Roughness, Seen, Solve, Solver, Tiles, cut, estimate, estimate_of_raster,
+};
+use crate::relaxation::Relaxation;
+use rugosa_fractal::pyramid::{Draws, Progress};
 use rugosa_fractal::roughness::irregular::Estimate;
 use serde::Serialize;
 use std::fmt;
@@ -22,7 +25,8 @@ both are estimated from the points, and so is the noise without --noise-std.
 Examples:
   rugosa reconstruct scan.ply --resolution 0.1 --out mean.npy
   rugosa reconstruct dem.asc --realisation 1 --seed 7 --out surface.png
-  rugosa reconstruct dem.npy --spacing 0.1 --hurst 0.5 --sigma 0.2 --std 32 --out mean.npy --json")]
+  rugosa reconstruct dem.npy --spacing 0.1 --hurst 0.5 --sigma 0.2 --std 32 --out mean.npy --json
+  rugosa reconstruct dem.asc --method ak96 --realisation 1 --out relaxed.png")]
 pub struct Args {
     /// Points (.csv .xyz .ply .npy N×3) or a raster with NaN holes (.asc, .npy 2-D with --spacing)
     file: PathBuf,
@@ -75,6 +79,11 @@ pub struct Args {
     #[arg(long, value_parser = not_negative)]
     noise_std: Option<f64>,
 
+    /// The pyramid's posterior, or relaxation and Gibbs sampling as published in 1996: a
+    /// reference, hundreds of times slower
+    #[arg(long, value_enum, default_value_t = Method::Pyramid)]
+    method: Method,
+
     /// Structure function of the prior: a power law, or as measured
     #[arg(long, value_enum, default_value_t = PriorKind::Power)]
     prior: PriorKind,
@@ -83,16 +92,32 @@ pub struct Args {
     #[arg(long, conflicts_with = "prior")]
     adaptive: bool,
 
-    /// Most iterations of a solve
-    #[arg(long, default_value_t = 20)]
-    iterations: usize,
+    /// Most iterations of a solve; default 20, for ak96 200 sweeps
+    #[arg(long)]
+    iterations: Option<usize>,
 
     /// Result: .npy, .asc or .png
     #[arg(long)]
     out: PathBuf,
 }
 
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, Serialize)]
+#[serde(rename_all = "lowercase")]
+enum Method {
+    Pyramid,
+    Ak96,
+}
+
+impl Args {
+    fn iterations(&self) -> usize {
+        self.iterations.unwrap_or(match self.method {
+            Method::Pyramid => 20,
+            Method::Ak96 => 200,
+        })
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum PriorKind {
     Power,
     Measured,
@@ -132,6 +157,7 @@ struct Seconds {
 
 #[derive(Serialize)]
 struct Report {
+    method: Method,
     hurst: f64,
     sigma: f64,
     noise_std: f64,
@@ -155,6 +181,11 @@ struct Report {
 
 /// Reads, solves, writes.
 pub fn run(args: &Args, console: &Console) -> Result<()> {
+    if args.method == Method::Ak96 && (args.adaptive || args.prior == PriorKind::Measured) {
+        return Err(Failure::input(
+            "--method ak96 knows one power law: leave --adaptive and --prior out",
+        ));
+    }
     let output = Output::of(&args.out);
     output.check(&["npy", "asc", "png"])?;
     let start = Instant::now();
@@ -163,14 +194,15 @@ pub fn run(args: &Args, console: &Console) -> Result<()> {
     let read = start.elapsed().as_secs_f64();
     let solved = solve(args, &source, console)?;
     let solve = start.elapsed().as_secs_f64() - read;
-    let files = write(&solved.layers, &output.file("reconstruction.npy"))?;
+    let files = write(&solved.outcome.layers, &output.file("reconstruction.npy"))?;
     let write = start.elapsed().as_secs_f64() - read - solve;
     let report = Report {
+        method: args.method,
         hurst: solved.roughness.hurst,
         sigma: solved.roughness.sigma,
         noise_std: solved.roughness.noise,
-        iterations: solved.progress.iterations,
-        residual: solved.progress.residual,
+        iterations: solved.outcome.progress.iterations,
+        residual: solved.outcome.progress.residual,
         rows: grid.rows,
         columns: grid.columns,
         resolution_m: grid.resolution,
@@ -179,7 +211,7 @@ pub fn run(args: &Args, console: &Console) -> Result<()> {
         skipped: points.skipped,
         outside: solved.seen.outside,
         shared: solved.seen.shared,
-        refused: solved.refused,
+        refused: solved.outcome.refused,
         known: solved.seen.known,
         local_tiles: solved.local,
         files,
@@ -253,13 +285,18 @@ fn own_grid(path: &Path, raster: &Raster) -> Result<Grid> {
     })
 }
 
-/// What is to be written, by suffix, and how it came about.
-struct Solved {
+/// What is to be written, by suffix, and how the solver fared.
+struct Outcome {
     layers: Vec<(String, Raster)>,
-    roughness: Roughness,
     progress: Progress,
-    seen: Seen,
     refused: usize,
+}
+
+/// The same with what it rests on.
+struct Solved {
+    outcome: Outcome,
+    roughness: Roughness,
+    seen: Seen,
     local: Option<usize>,
 }
 
@@ -270,84 +307,91 @@ fn solve(args: &Args, source: &Source, console: &Console) -> Result<Solved> {
     let measure = || source.estimate(args.noise_std);
     let roughness = Roughness::given_or_estimated(given, measure)?;
     let (seen, level) = Seen::new(&points.xyz, grid, roughness.noise)?;
-    let task = |local| Task {
+    let task = Task {
         args,
         console,
         grid,
         level,
-        roughness,
-        local,
+        side,
     };
-    if args.adaptive {
+    let mut local = None;
+    let outcome = if args.method == Method::Ak96 {
+        task.run(&mut Relaxation::new(&seen, &roughness, grid.resolution)?)?
+    } else if args.adaptive {
         let tiles = Tiles::new(&points.xyz, grid, side, &roughness)?;
-        return task(Some(tiles.local)).solve(seen, &tiles.field()?);
-    }
-    let levels = match args.prior {
-        PriorKind::Power => roughness.levels(side, grid.resolution)?,
-        PriorKind::Measured => roughness.measured(&measure().bins, side, grid.resolution)?,
+        local = Some(tiles.local);
+        task.run(&mut Solver::new(&seen, &tiles.field()?)?)?
+    } else {
+        let levels = match args.prior {
+            PriorKind::Power => roughness.levels(side, grid.resolution)?,
+            PriorKind::Measured => roughness.measured(&measure().bins, side, grid.resolution)?,
+        };
+        task.run(&mut Solver::new(&seen, &levels)?)?
     };
-    task(None).solve(seen, &levels)
+    Ok(Solved {
+        outcome,
+        roughness,
+        seen,
+        local,
+    })
 }
 
-/// What a solve needs besides data and prior.
+/// What a run needs besides data and prior.
 struct Task<'a> {
     args: &'a Args,
     console: &'a Console,
     grid: &'a Grid,
     level: f64,
-    roughness: Roughness,
-    local: Option<usize>,
+    side: usize,
 }
 
 impl Task<'_> {
-    fn solve(&self, seen: Seen, prior: &impl Prior) -> Result<Solved> {
+    fn run(&self, solver: &mut dyn Solve) -> Result<Outcome> {
+        let iterations = self.args.iterations();
         let draws = usize::from(self.args.realisation.unwrap_or(0));
         let deviations = usize::from(self.args.std.unwrap_or(0));
-        let total = (draws.max(1) + deviations) * self.args.iterations;
+        let total = (draws.max(1) + deviations) * iterations;
         let mut progress = self.console.progress("reconstruct", Some(total as u64));
         let mut count = 0;
         let mut done = || {
             count += 1;
             progress.set(count, || "iterations");
         };
-        let mut solver = Solver::new(&seen, prior)?;
-        let mut layers = Vec::new();
-        let mut last = None;
+        let mut outcome = Outcome {
+            layers: Vec::new(),
+            progress: Progress {
+                iterations: 0,
+                residual: 0.0,
+            },
+            refused: 0,
+        };
         for i in 0..draws.max(1) {
             let (square, state) = if draws == 0 {
-                solver.mean(self.args.iterations, &mut done)?
+                solver.mean(iterations, &mut done)?
             } else {
                 let draw = (self.args.temperature as f32, self.args.seed + i as u64);
-                solver.realisation(draw, self.args.iterations, &mut done)?
+                solver.realisation(draw, iterations, &mut done)?
             };
             let suffix = if draws > 1 {
                 format!("_{}", i + 1)
             } else {
                 String::new()
             };
-            layers.push((suffix, cut(&square, seen.side, self.grid, self.level)));
-            last = Some(state);
+            let raster = cut(&square, self.side, self.grid, self.level);
+            outcome.layers.push((suffix, raster));
+            outcome.progress = state;
         }
-        let refused = solver.intake.refused;
+        outcome.refused = solver.refused();
         if deviations > 0 {
             let draws = Draws {
                 count: deviations,
-                iterations: self.args.iterations,
+                iterations,
             };
             let square = solver.deviation(draws, !self.args.seed)?;
-            layers.push(("_std".into(), cut(&square, seen.side, self.grid, 0.0)));
+            let raster = cut(&square, self.side, self.grid, 0.0);
+            outcome.layers.push(("_std".into(), raster));
         }
-        Ok(Solved {
-            layers,
-            roughness: self.roughness,
-            progress: last.unwrap_or(Progress {
-                iterations: 0,
-                residual: 0.0,
-            }),
-            seen,
-            refused,
-            local: self.local,
-        })
+        Ok(outcome)
     }
 }
 

@@ -4,6 +4,7 @@
 use super::colour::CURVES;
 use super::{FONT, GREY, INK, Picture, drawing};
 use crate::error::Result;
+use plotters::coord::cartesian::Cartesian2d;
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -121,17 +122,7 @@ impl StructurePlot {
                 .draw_series([Text::new("scaling range", at, style)])
                 .map_err(drawing)?;
         }
-        chart
-            .configure_mesh()
-            .light_line_style(WHITE.mix(0.0))
-            .bold_line_style(GREY.mix(0.25))
-            .axis_style(INK)
-            .x_desc("distance d [m]")
-            .y_desc("rms elevation difference S(d) [m]")
-            .label_style((FONT, 16).into_font().color(&INK))
-            .axis_desc_style((FONT, 18).into_font().color(&INK))
-            .draw()
-            .map_err(drawing)?;
+        mesh(&mut chart)?;
         for (law, name, colour) in self.laws() {
             let text = format!(
                 "{name}: H {:.3}, D {:.3}, σ {:.4} m",
@@ -161,16 +152,7 @@ impl StructurePlot {
                 .label(name)
                 .legend(move |(x, y)| Circle::new((x + 11, y), 4, style));
         }
-        chart
-            .configure_series_labels()
-            .position(SeriesLabelPosition::LowerRight)
-            .margin(14)
-            .legend_area_size(30)
-            .background_style(WHITE.mix(0.85))
-            .border_style(GREY)
-            .label_font((FONT, 17).into_font().color(&INK))
-            .draw()
-            .map_err(drawing)?;
+        legend(&mut chart)?;
         area.present().map_err(drawing)?;
         drop(chart);
         drop(area);
@@ -203,6 +185,87 @@ impl StructurePlot {
             .into_iter()
             .filter(|s| !s.0.is_empty())
     }
+}
+
+/// A set of structure functions in one plot.
+#[derive(Clone, Debug, Default)]
+pub struct Curves {
+    /// heading
+    pub title: String,
+    /// name, lag and rms elevation difference of each; drawn as dots and lines in turn
+    pub curves: Vec<(String, Vec<(f64, f64)>)>,
+}
+
+impl Curves {
+    /// Draws it. Two curves that follow each other share a colour: the first as dots,
+    /// the second as a line.
+    pub fn draw(&self) -> Result<Picture> {
+        let mut picture = Picture::new(SIZE.0, SIZE.1);
+        let area = picture.area();
+        let points = || self.curves.iter().flat_map(|(_, points)| points);
+        let axes = (
+            Decades::around(points().map(|p| p.0)),
+            Decades::around(points().map(|p| p.1)),
+        );
+        let mut chart = ChartBuilder::on(&area)
+            .caption(&self.title, (FONT, 24).into_font().color(&INK))
+            .margin(16)
+            .x_label_area_size(52)
+            .y_label_area_size(76)
+            .build_cartesian_2d(axes.0, axes.1)
+            .map_err(drawing)?;
+        mesh(&mut chart)?;
+        for (i, (name, points)) in self.curves.iter().enumerate() {
+            let colour = CURVES[i / 2 % CURVES.len()];
+            if i % 2 == 0 {
+                let dots = points.iter().map(|&p| Circle::new(p, 4, colour.filled()));
+                let series = chart.draw_series(dots).map_err(drawing)?;
+                series
+                    .label(name)
+                    .legend(move |(x, y)| Circle::new((x + 11, y), 4, colour.filled()));
+            } else {
+                let line = LineSeries::new(points.iter().copied(), colour.stroke_width(2));
+                let series = chart.draw_series(line).map_err(drawing)?;
+                series.label(name).legend(move |(x, y)| {
+                    PathElement::new([(x, y), (x + 22, y)], colour.stroke_width(2))
+                });
+            }
+        }
+        legend(&mut chart)?;
+        area.present().map_err(drawing)?;
+        drop(chart);
+        drop(area);
+        Ok(picture)
+    }
+}
+
+type Chart<'a, 'b> = ChartContext<'a, BitMapBackend<'b>, Cartesian2d<Decades, Decades>>;
+
+fn mesh(chart: &mut Chart) -> Result<()> {
+    chart
+        .configure_mesh()
+        .light_line_style(WHITE.mix(0.0))
+        .bold_line_style(GREY.mix(0.25))
+        .axis_style(INK)
+        .x_desc("distance d [m]")
+        .y_desc("rms elevation difference S(d) [m]")
+        .label_style((FONT, 16).into_font().color(&INK))
+        .axis_desc_style((FONT, 18).into_font().color(&INK))
+        .draw()
+        .map_err(drawing)
+}
+
+fn legend<'a, 'b: 'a>(chart: &mut Chart<'a, 'b>) -> Result<()> {
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::LowerRight)
+        .margin(14)
+        .legend_area_size(30)
+        .background_style(WHITE.mix(0.85))
+        .border_style(GREY)
+        .label_font((FONT, 17).into_font().color(&INK))
+        .draw()
+        .map_err(drawing)
 }
 
 #[cfg(test)]

@@ -19,7 +19,7 @@ use std::path::Path;
 use std::sync::Once;
 
 pub use colour::Palette;
-pub use loglog::StructurePlot;
+pub use loglog::{Curves, StructurePlot};
 pub use map::{Layer, maps};
 
 /// Name of the embedded font.

@@ -111,8 +111,8 @@ pub struct State {
     pub peer: Option<Hello>,
     /// each side has heard the other
     pub is_connected: bool,
-    /// the peer has room for a line
-    pub may_send_line: bool,
+    /// the peer has room for a line or a table
+    pub may_send_long: bool,
     /// messages given to [`Connection::send`] that are not on their way yet
     pub unsent: usize,
     /// times the port disappeared
@@ -127,7 +127,7 @@ impl Default for State {
             counters: [0; COUNTERS],
             peer: None,
             is_connected: false,
-            may_send_line: false,
+            may_send_long: false,
             unsent: 0,
             port_losses: 0,
             latency: Latency::default(),

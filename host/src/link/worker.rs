@@ -173,7 +173,6 @@ impl Worker {
 
     fn turn(&mut self) {
         self.find_port();
-        self.deliver();
         if self.waiting.is_empty() {
             self.read();
         } else {
@@ -183,7 +182,8 @@ impl Worker {
         let room = self.settings.queue.saturating_sub(lines);
         self.link.offer(room.try_into().unwrap_or(u16::MAX));
         self.transmit();
-        self.publish();
+        self.publish(); // whoever hears of an event finds the state that belongs to it
+        self.deliver();
     }
 
     fn now_us(&self) -> u64 {
@@ -270,7 +270,6 @@ impl Worker {
             self.shared.lines_waiting.fetch_add(1, Ordering::Relaxed);
         }
         self.waiting.push_back(arrival);
-        self.deliver();
     }
 
     fn deliver(&mut self) {
@@ -333,7 +332,7 @@ impl Worker {
     fn publish(&mut self) {
         self.link.fill(&mut self.state.counters);
         self.state.is_connected = self.link.is_connected();
-        self.state.may_send_line = self.link.is_connected() && self.link.may_send_line();
+        self.state.may_send_long = self.link.is_connected() && self.link.may_send_long();
         self.state.peer = self.link.peer().map(|peer| peer.hello.clone());
         let mut shared = self
             .shared

@@ -22,7 +22,7 @@ pub const MOST_CELLS: usize = 384;
 /// Most regions along an edge.
 const MOST_REGIONS: i32 = 40;
 /// Layers that are shown, where they are there.
-const SHOWN: [&str; 9] = [
+const SHOWN: [&str; 10] = [
     "elevation",
     "dimension",
     "sigma",
@@ -31,6 +31,7 @@ const SHOWN: [&str; 9] = [
     "step",
     "dimension_error",
     "mean",
+    "realisation",
     "standard_deviation",
 ];
 /// Colours of a scale.
@@ -223,7 +224,7 @@ impl Curve {
         let lag = |m: &Moment| {
             let trend = if detrended { m.trend } else { 0.0 };
             let left = root(m.mean_square - m.noise - trend);
-            [m.distance, root(m.mean_square), left]
+            [m.distance(), root(m.mean_square), left]
         };
         let used = moments
             .iter()

@@ -14,6 +14,7 @@
 //! | `tree` | the preconditioner |
 //! | `posterior` | conjugate gradients with a budget, warm starts, moves |
 //! | `output` | mean, realisation, standard deviation |
+//! | `spread` | deviation and a draw from the preconditioner, for a target that solves once |
 //!
 //! All memory is lent: [`Posterior::need`] states how much.
 
@@ -25,12 +26,14 @@ mod posterior;
 mod refine;
 mod shape;
 mod simd;
+mod spread;
 mod tree;
 
 pub use levels::{Field, Levels, MAX_LEVELS, Prior};
 pub use output::Draws;
 pub use posterior::{Datum, Intake, Posterior, Progress};
 pub use shape::{MAX_SIDE, MIN_SIDE};
+pub use spread::Finest;
 
 /// What can be wrong with a request.
 #[derive(Clone, Copy, Debug, PartialEq)]

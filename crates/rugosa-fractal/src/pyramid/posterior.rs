@@ -26,7 +26,7 @@ use super::{
     operator::{add_noise, descend, expand, gather},
     refine::{ROWS, pass},
     shape::{PLANE, Shape},
-    simd::{dot, widest},
+    simd::{add_scaled, dot, scale_add, scale_add_dot, widest},
 };
 use crate::synthesis::normal;
 use rand_core::Rng;
@@ -266,15 +266,17 @@ impl<'m> Posterior<'m> {
     #[inline(always)]
     fn begin(&mut self, target: impl Fn(usize) -> f32) {
         let weights = core::mem::take(&mut self.weights);
+        // one closure: the residual is compiled once
+        let mut target = |i: usize, _: f32| target(i);
         if !self.cold {
             core::mem::swap(&mut self.x, &mut self.p);
             self.x.fill(0.0);
-            self.residual(weights, |i, _| target(i));
+            self.residual(weights, &mut target);
             self.precondition();
             self.reference = dot(self.r, self.z);
             core::mem::swap(&mut self.x, &mut self.p);
         }
-        self.residual(weights, |i, _| target(i));
+        self.residual(weights, &mut target);
         self.weights = weights;
         for (r, x) in self.r.iter_mut().zip(self.x.iter()) {
             *r -= x;
@@ -345,17 +347,12 @@ impl<'m> Posterior<'m> {
             return false;
         }
         let alpha = self.rz / curvature;
-        let towards = self.p.iter().zip(self.z.iter());
-        for ((x, r), (p, z)) in self.x.iter_mut().zip(&mut *self.r).zip(towards) {
-            *x += alpha * p;
-            *r -= alpha * z;
-        }
+        add_scaled(self.x, alpha, self.p);
+        add_scaled(self.r, -alpha, self.z);
         self.precondition();
         let rz = dot(self.r, self.z);
         let beta = rz / self.rz;
-        for (p, z) in self.p.iter_mut().zip(self.z.iter()) {
-            *p = z + beta * *p;
-        }
+        scale_add(self.p, beta, self.z);
         self.rz = rz;
         true
     }
@@ -370,10 +367,7 @@ impl<'m> Posterior<'m> {
         let to = &mut self.z[Shape::level(top)];
         pass(from, self.rows, to, self.weights, |_, c, v| *c * v);
         descend(&shape, self.z, top, self.rows);
-        for ((z, p), s) in self.z.iter_mut().zip(self.p.iter()).zip(self.s.iter()) {
-            *z = *z * s + p;
-        }
-        dot(self.p, self.z)
+        scale_add_dot(self.z, self.s, self.p)
     }
 
     /// The window has moved by (columns, rows) cells: cell (x, y) of the new window is

@@ -38,22 +38,23 @@ fn refine_row(coarse: &[f32], fine: &mut [f32]) {
     }
 }
 
-/// Transpose of [`refine_row`].
+/// Transpose of [`refine_row`], of twice as large numbers: the half that is left over from
+/// the vertical step is in the coefficients.
 #[inline(always)]
 fn restrict_row(fine: &[f32], coarse: &mut [f32]) {
     let (n, m) = (coarse.len(), fine.len());
-    let second = |e: f32, next: f32, o: f32, p: f32| 0.75 * e + 0.125 * next + 0.5 * (o + p);
-    coarse[0] = 0.125 * fine[1] + 0.5 * fine[0];
+    let second = |e: f32, next: f32, o: f32, p: f32| 0.375 * e + 0.0625 * next + 0.25 * (o + p);
+    coarse[0] = 0.0625 * fine[1] + 0.25 * fine[0];
     coarse[1] = second(fine[1], fine[3], fine[0], fine[2]);
     // odd node before, even node here, odd node after
     let (mut a, mut o, mut e) = (fine[1], fine[2], fine[3]);
     for (c, f) in coarse[2..n - 2].iter_mut().zip(fine[4..].chunks_exact(2)) {
         let (p, b) = (f[0], f[1]);
-        *c = 0.75 * e + 0.125 * (a + b) + 0.5 * (o + p);
+        *c = 0.375 * e + 0.0625 * (a + b) + 0.25 * (o + p);
         (a, o, e) = (e, p, b);
     }
     coarse[n - 2] = second(fine[m - 2], fine[m - 4], fine[m - 1], fine[m - 3]);
-    coarse[n - 1] = 0.125 * fine[m - 2] + 0.5 * fine[m - 1];
+    coarse[n - 1] = 0.0625 * fine[m - 2] + 0.25 * fine[m - 1];
 }
 
 /// Refines the n × n nodes of `coarse` to (2n − 3)² of `fine`.
@@ -69,16 +70,29 @@ pub(crate) fn refine(coarse: &[f32], n: usize, fine: &mut [f32]) {
     halfway(first, &rest[..m]);
     for row in (1..m - 2).step_by(2) {
         let [above, even, odd, below] = four_rows(fine, row - 1, m);
-        for ((e, o), (a, b)) in even.iter_mut().zip(odd).zip(above.iter().zip(below)) {
-            *o = 0.5 * (*e + *b);
-            *e = 0.5 * *e + 0.25 * (*a + *o);
+        let (pairs_of_even, last_even) = even.as_chunks_mut::<2>();
+        let (pairs_of_odd, last_odd) = odd.as_chunks_mut::<2>();
+        let (above, last_above) = above.as_chunks::<2>();
+        let (below, last_below) = below.as_chunks::<2>();
+        let ends = above.iter().zip(below);
+        for ((e, o), (a, b)) in pairs_of_even.iter_mut().zip(pairs_of_odd).zip(ends) {
+            (e[0], o[0]) = between(a[0], e[0], b[0]);
+            (e[1], o[1]) = between(a[1], e[1], b[1]);
         }
+        (last_even[0], last_odd[0]) = between(last_above[0], last_even[0], last_below[0]);
     }
     let [above, even, odd] = three_rows(fine, m - 3, m);
     for ((e, o), a) in even.iter_mut().zip(odd).zip(above) {
         *o = 0.5 * (*o + *e);
         *e = 0.5 * *e + 0.25 * (*a + *o);
     }
+}
+
+/// Even and odd row at one column, of the odd row above and the nodes here and below.
+#[inline(always)]
+fn between(above: f32, here: f32, below: f32) -> (f32, f32) {
+    let odd = 0.5 * (here + below);
+    (0.5 * here + 0.25 * (above + odd), odd)
 }
 
 /// a = (a + b) / 2.
@@ -147,7 +161,7 @@ pub(crate) fn pass(
             let odd = visit(start + side + x, cells.1, o);
             let quarter = 0.25 * even;
             let t = pending + quarter;
-            *done = 0.5 * (sum + t);
+            *done = sum + t;
             *column = [o, odd + quarter, even + t];
         }
         restrict_row(done, &mut out[(j - 1) * n..j * n]);
@@ -163,18 +177,18 @@ pub(crate) fn pass(
         let even = visit(start + x, &mut cells[start + x], value);
         let quarter = 0.25 * even;
         let t = pending + quarter;
-        done[x + 1] = 0.5 * (sum + t);
+        done[x + 1] = sum + t;
         columns[x] = [0.0, quarter, even + t];
     }
     restrict_row(done, &mut out[(n - 3) * n..(n - 2) * n]);
     for (done, column) in done[1..].iter_mut().zip(columns.iter_mut()) {
         let [_, pending, sum] = *column;
-        *done = 0.5 * (sum + pending);
+        *done = sum + pending;
         column[2] = pending;
     }
     restrict_row(done, &mut out[(n - 2) * n..(n - 1) * n]);
     for (done, [_, _, sum]) in done[1..].iter_mut().zip(columns.iter()) {
-        *done = 0.5 * sum;
+        *done = *sum;
     }
     restrict_row(done, &mut out[(n - 1) * n..n * n]);
 }
@@ -193,13 +207,33 @@ pub(crate) fn restrict(fine: &[f32], n: usize, rows: &mut [f32], coarse: &mut [f
         let even = if j == 0 { None } else { row(2 * j - 1) }.unwrap_or(zero);
         let next = row(2 * j).unwrap_or(zero);
         let below = row(2 * j + 1).unwrap_or(zero);
-        for x in 0..m {
-            let t = next[x] + 0.25 * (even[x] + below[x]);
-            done[x] = 0.5 * (even[x] + (odd[x] + t));
-            odd[x] = t;
+        let (even, next, below) = (&even[..m], &next[..m], &below[..m]);
+        let (pairs_of_even, pairs_of_next) = (even.as_chunks::<2>().0, next.as_chunks::<2>().0);
+        let pairs = below
+            .as_chunks::<2>()
+            .0
+            .iter()
+            .zip(pairs_of_even.iter().zip(pairs_of_next));
+        let state = odd
+            .as_chunks_mut::<2>()
+            .0
+            .iter_mut()
+            .zip(done.as_chunks_mut::<2>().0);
+        for ((b, (e, n)), (o, d)) in pairs.zip(state) {
+            (o[0], d[0]) = join([e[0], n[0], b[0]], o[0]);
+            (o[1], d[1]) = join([e[1], n[1], b[1]], o[1]);
         }
+        let last = m - 1; // m is odd
+        (odd[last], done[last]) = join([even[last], next[last], below[last]], odd[last]);
         restrict_row(done, c);
     }
+}
+
+/// One column of [`restrict`]: what its odd row passes on, and twice its share of a node.
+#[inline(always)]
+fn join([even, next, below]: [f32; 3], odd: f32) -> (f32, f32) {
+    let t = next + 0.25 * (even + below);
+    (t, even + (odd + t))
 }
 
 #[cfg(test)]

@@ -85,9 +85,11 @@ impl Posterior<'_> {
     #[cfg_attr(feature = "simd", inline(always))]
     pub(super) fn precondition(&mut self) {
         let shape = self.shape;
-        self.z[Shape::level(shape.top)].fill(0.0);
+        self.eliminate_top();
         for l in (shape.dense..=shape.top).rev() {
-            self.eliminate(l);
+            if l < shape.top {
+                self.eliminate(l);
+            }
             if l > shape.dense {
                 let (from, to) = (Shape::level(l), Shape::level(l - 1));
                 let n = Shape::size(l - 1);
@@ -95,11 +97,32 @@ impl Posterior<'_> {
             }
         }
         self.solve_block();
-        for l in shape.dense..=shape.top {
+        for l in shape.dense..shape.top {
             self.substitute(l);
-            if l < shape.top {
-                rise(self.u, l + 1);
-            }
+            rise(self.u, l + 1);
+        }
+        self.substitute_top();
+    }
+
+    /// [`eliminate`](Self::eliminate) on the finest level, where h is 0.
+    #[inline(always)]
+    fn eliminate_top(&mut self) {
+        let at = Shape::level(self.shape.top);
+        let rest = self.coupling[at.clone()].iter().zip(&self.r[at.clone()]);
+        for (u, (k, r)) in self.u[at].iter_mut().zip(rest) {
+            *u = -(k * r);
+        }
+    }
+
+    /// w of the finest level into `z`; nobody asks for its surface.
+    #[inline(always)]
+    fn substitute_top(&mut self) {
+        let at = Shape::level(self.shape.top);
+        let (u, z) = (&self.u[at.clone()], &mut self.z[at.clone()]);
+        let (a, k) = (&self.inverse[at.clone()], &self.coupling[at.clone()]);
+        let rest = a.iter().zip(k).zip(self.r[at].iter().zip(u));
+        for (z, ((a, k), (r, u))) in z.iter_mut().zip(rest) {
+            *z = r * a - k * u;
         }
     }
 
@@ -171,8 +194,13 @@ fn cholesky(a: &mut [f32], order: usize) {
 
 /// Solves L Lᵀ x = b in place.
 fn cholesky_solve(a: &[f32], b: &mut [f32]) {
-    let order = b.len();
-    for row in 0..order {
+    forward(a, b);
+    backward(a, b);
+}
+
+/// Solves L x = b in place.
+pub(super) fn forward(a: &[f32], b: &mut [f32]) {
+    for row in 0..b.len() {
         let start = packed(row, 0);
         let mut sum = b[row];
         for k in 0..row {
@@ -180,7 +208,11 @@ fn cholesky_solve(a: &[f32], b: &mut [f32]) {
         }
         b[row] = sum / a[start + row];
     }
-    for row in (0..order).rev() {
+}
+
+/// Solves Lᵀ x = b in place.
+pub(super) fn backward(a: &[f32], b: &mut [f32]) {
+    for row in (0..b.len()).rev() {
         let start = packed(row, 0);
         b[row] /= a[start + row];
         let value = b[row];

@@ -112,23 +112,41 @@ pub enum Reason {
 
 /// Roughness of a pool of tiles, or the reason why it has none.
 pub fn estimate(pool: &Pool, settings: &Settings) -> Result<Roughness, Reason> {
-    let moments = pool.moments(settings.resolution, settings.height_step);
+    let (moments, [east, north]) =
+        pool.moments_and_slope(settings.resolution, settings.height_step);
     let side = pool.side() * settings.resolution;
-    match settings.trend {
-        Trend::Keep => longest_line(&moments, false, side, settings),
-        Trend::Remove => longest_line(&moments, true, side, settings),
-        Trend::RemoveSignificant => {
-            let plain = longest_line(&moments, false, side, settings);
-            let (east, north) = pool.slope(settings.resolution, settings.height_step);
-            let tilt = east * east + north * north;
-            if tilt * side * side <= LEAST_FACTOR * without_tilt(&moments) {
-                return plain;
-            }
-            match longest_line(&moments, true, side, settings) {
-                Ok(flat) if tilt > largest_tilt(&flat, side) => Ok(flat),
-                _ => plain,
-            }
-        }
+    let (mut points, mut count) = ([Point::default(); LAGS], 0);
+    for moment in moments
+        .iter()
+        .filter(|m| m.pairs >= settings.least_pairs.max(1))
+    {
+        points[count] = point(moment, settings.method);
+        count += 1;
+    }
+    let points = &mut points[..count];
+    if settings.trend == Trend::Remove {
+        level(points);
+        return longest_line(points, true, side, settings);
+    }
+    let plain = longest_line(points, false, side, settings);
+    if settings.trend == Trend::Keep {
+        return plain;
+    }
+    let tilt = east * east + north * north;
+    if tilt * side * side <= LEAST_FACTOR * without_tilt(&moments) {
+        return plain;
+    }
+    level(points);
+    match longest_line(points, true, side, settings) {
+        Ok(flat) if tilt > largest_tilt(&flat, side) => Ok(flat),
+        _ => plain,
+    }
+}
+
+/// Takes the tilt off.
+fn level(points: &mut [Point]) {
+    for point in points {
+        point.value -= point.trend;
     }
 }
 
@@ -154,27 +172,19 @@ fn largest_tilt(roughness: &Roughness, side: f32) -> f32 {
 }
 
 fn longest_line(
-    moments: &[Moment; LAGS],
-    detrend: bool,
+    points: &[Point],
+    detrended: bool,
     side: f32,
     settings: &Settings,
 ) -> Result<Roughness, Reason> {
-    let mut points = [Point::default(); LAGS];
-    let mut count = 0;
-    for moment in moments
-        .iter()
-        .filter(|m| m.pairs >= settings.least_pairs.max(1))
-    {
-        points[count] = point(moment, detrend, settings.method);
-        count += 1;
-    }
+    let count = points.len();
     if count < LEAST_LAGS {
         return Err(Reason::TooFewPairs);
     }
     for used in (LEAST_LAGS..=count).rev() {
         let fit = Fit::new(&points[..used], side)?;
         if fit.residual <= settings.tolerance || fit.chi_square < CHI_SQUARE_LIMIT {
-            return roughness(&fit, &points[..used], detrend);
+            return roughness(&fit, &points[..used], detrended);
         }
     }
     Err(Reason::NoLine)
@@ -186,19 +196,19 @@ const LEAST_LAGS: usize = 3;
 /// A residual above the tolerance may still be chance: χ² per degree of freedom below this.
 const CHI_SQUARE_LIMIT: f32 = 4.0;
 
-fn point(moment: &Moment, detrend: bool, method: Method) -> Point {
+fn point(moment: &Moment, method: Method) -> Point {
     let mean = moment.mean_absolute;
     let (raw, variance) = match method {
         Method::Pentland => (moment.mean_square, 2.0),
         Method::Yokoya => (math::FRAC_PI_2 * mean * mean, 2.283),
     };
-    let trend = if detrend { moment.trend } else { 0.0 };
     Point {
-        distance: moment.distance,
-        log_distance: math::ln(moment.distance),
+        square_distance: moment.square_distance,
+        log_distance: 0.5 * math::ln(moment.square_distance),
         spread: moment.spread,
         pairs: moment.pairs,
-        value: raw - moment.noise - trend,
+        value: raw - moment.noise,
+        trend: moment.trend,
         noise: moment.noise,
         scatter: SHARED_SAMPLES * variance / moment.pairs as f32,
     }
@@ -218,7 +228,7 @@ fn roughness(fit: &Fit, points: &[Point], detrended: bool) -> Result<Roughness, 
         dimension: 3.0 - hurst,
         sigma: math::exp(0.5 * fit.level),
         standard_error: fit.standard_error,
-        range: [points[0].distance, points[points.len() - 1].distance],
+        range: [points[0], points[points.len() - 1]].map(|p| math::sqrt(p.square_distance)),
         residual: fit.residual,
         pairs: points.iter().map(|p| p.pairs).sum(),
         clamped: outside > 0.0,
