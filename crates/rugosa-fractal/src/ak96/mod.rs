@@ -28,7 +28,7 @@
 //! Cost: about 100 additions and multiplications per node and sweep, and it takes a
 //! hundred sweeps and more: use [`crate::pyramid`] instead. Tested: that relaxation ends
 //! in the minimum of the energy as written above, and that sampling has the conditional
-//! variance; the paper's tables have not been reproduced with it yet.
+//! variance. What it reaches beside the paper: `docs/results.md`.
 
 mod terms;
 
