@@ -379,6 +379,7 @@ impl<M: Iterator<Item = Message>> Bench<M> {
                 received,
                 lost: self.feeder.lines.saturating_sub(received),
                 rejected: received.saturating_sub(u64::from(at(counter::LINES_USED))),
+                lateness: self.feeder.schedule.map(|s| s.lateness()),
             },
             instructions: STAGES
                 .iter()

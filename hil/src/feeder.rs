@@ -1,7 +1,8 @@
-//! The scanner's side: a link, its description, and messages as fast as the module
-//! takes them.
+//! The scanner's side: a link, its description, and messages at the scanner's rate, or as
+//! fast as the module takes them.
 
 use crate::fingerprint;
+use crate::schedule::Schedule;
 use rugosa_wire::{Event, Hello, Link, MAX_FRAME, Message, Role, Unsent};
 use std::collections::{HashSet, VecDeque};
 
@@ -13,6 +14,8 @@ pub struct Feeder<M> {
     first: VecDeque<Message>,
     messages: M,
     is_finished: bool,
+    /// when lines are due; `None`: as soon as the module takes them
+    pub schedule: Option<Schedule>,
     /// does it say nothing at all?
     pub is_muted: bool,
     /// scan lines sent
@@ -38,6 +41,7 @@ impl<M: Iterator<Item = Message>> Feeder<M> {
             first: VecDeque::new(),
             messages,
             is_finished: false,
+            schedule: None,
             is_muted: false,
             lines: 0,
             known: HashSet::new(),
@@ -105,11 +109,18 @@ impl<M: Iterator<Item = Message>> Feeder<M> {
             self.is_finished = true;
             return 0;
         };
+        if let (Message::Line(_), Some(schedule)) = (&message, &self.schedule)
+            && !schedule.is_due(now_us)
+        {
+            self.first.push_front(message);
+            return 0;
+        }
         match self.link.send(&message, now_us, buffer) {
             Ok(length) => {
                 if let Message::Line(line) = &message {
                     self.lines += 1;
                     self.known.insert(fingerprint::of_line(line));
+                    self.schedule.iter_mut().for_each(|s| s.sent(now_us));
                 }
                 if let Message::SweepEnd(_) = &message {
                     self.sweeps += 1;

@@ -1,5 +1,6 @@
 //! What a run says in the end.
 
+use crate::schedule::Lateness;
 use rugosa_wire::counter;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -15,6 +16,8 @@ pub struct Lines {
     pub lost: u64,
     /// received and not mapped, by all causes
     pub rejected: u64,
+    /// how late they went out; `None`: the scanner had no rate of its own
+    pub lateness: Option<Lateness>,
 }
 
 /// Module and twin, compared bit for bit.

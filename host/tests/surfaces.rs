@@ -65,6 +65,10 @@ fn compress_and_decompress_keep_their_bounds() {
         .into_iter()
         .zip(folder.values("b.npy"));
     assert!(pairs.fold(0.0, |m: f64, (a, b)| m.max((a - b).abs())) <= 2.0);
+    let quick = folder.json("compress a.npy --max-error 2 --quick --out q.rz");
+    assert!(quick["max_error"].as_f64().unwrap() <= 2.0);
+    assert!(quick["bytes"].as_u64() > told["bytes"].as_u64());
+    folder.json("decompress q.rz --out q.npy");
     let small = folder.json("compress a.npy --bytes 700 --out s.rz");
     assert!(small["bytes"].as_u64().unwrap() <= 700);
     let bytes = std::fs::read(folder.path("a.rz")).unwrap();
@@ -82,6 +86,7 @@ fn compress_and_decompress_keep_their_bounds() {
     assert!(!folder.path("bad.npy").exists());
     folder.refused("compress a.npy --out x.rz");
     folder.refused("compress a.npy --bytes 10 --out x.rz");
+    folder.refused("compress a.npy --bytes 900 --quick --out x.rz");
     folder.refused("compress a.npy --max-error 1 --model ifs --out x.ifs");
     let fis = folder.json("compress a.npy --bytes 1200 --model fis --out a.fis");
     assert!(fis["psnr"].as_f64().unwrap() < small["psnr"].as_f64().unwrap());

@@ -1,5 +1,5 @@
-//! What the reconstruction reaches on exact fBm, beside the method of 1996. Prints the
-//! tables of docs/results-reconstruction.md.
+//! What the reconstruction reaches on exact fBm: tables of docs/results-reconstruction.md,
+//! and times beside the method of 1996.
 //!
 //! `cargo run --release -p rugosa-fractal --features std --example reconstruction [-- SURFACES [SIDE]]`
 
@@ -22,8 +22,6 @@ fn main() {
     let side = arguments.next().unwrap_or(257) as usize;
     roughness(side, surfaces);
     honesty(side, surfaces.min(4));
-    temperatures(129.min(side), surfaces.min(4));
-    from_dimension(side, surfaces.min(4));
     speed(side);
 }
 
@@ -131,78 +129,6 @@ fn gibbs(scene: &Scene, prior: &Prior, sweeps: usize, seed: u64) -> Vec<f32> {
 }
 
 const SWEEPS: usize = 40;
-
-/// Table 3 of the paper: the temperature at which D comes out right (eq. 11).
-fn temperatures(side: usize, surfaces: u64) {
-    println!("\n## 1996, temperature by trial (eq. 11, Table 3), {side}², 5 % seen, 40 dB");
-    println!("| D | temperature / S²(1) | mean abs error of D |\n|---|---|---|");
-    for tenth in 2..=8 {
-        let d = 2.0 + f64::from(tenth) / 10.0;
-        let (mut logs, mut error) = (0.0, 0.0);
-        for seed in 0..surfaces {
-            let scene = Scene::new(side, 3.0 - d, SEEN, 40.0, seed);
-            let truth = dimension(&scene.truth, side);
-            let (mut low, mut high) = (-12.0f32, 6.0f32);
-            let mut off = 0.0;
-            for step in 0..7 {
-                eprint!(
-                    "\rtemperatures: D {d:.1}, surface {} of {surfaces}, step {step}  ",
-                    seed + 1
-                );
-                let middle = 0.5 * (low + high);
-                let prior = Prior::empirical(d as f32, middle.exp2());
-                off = dimension(&gibbs(&scene, &prior, SWEEPS, seed), side) - truth;
-                if off > 0.0 {
-                    high = middle
-                } else {
-                    low = middle
-                }
-            }
-            logs += f64::from(0.5 * (low + high)) / surfaces as f64;
-            error += off.abs() / surfaces as f64;
-        }
-        println!("| {d:.1} | {:.3} | {error:.4} |", logs.exp2());
-    }
-    eprintln!();
-}
-
-/// The paper's Table 4: the temperatures of its finest layer.
-const PAPER: [f64; 7] = [4.4e-6, 1.5e-5, 4.5e-5, 1.4e-4, 4.1e-4, 1.3e-3, 3.8e-3];
-
-/// Table 4: temperatures from D (eqs 12–13).
-fn from_dimension(side: usize, surfaces: u64) {
-    println!(
-        "\n## 1996, temperatures from D (eqs 12–13, Table 4), {side}², 5 % seen, 40 dB, κ = {KAPPA}"
-    );
-    println!(
-        "| D | T_0 in the paper | ours, same unit | 1996: abs error of D | pyramid |\n|---|---|---|---|---|"
-    );
-    for (i, paper) in PAPER.iter().enumerate() {
-        let d = 2.2 + 0.1 * i as f64;
-        let (mut old, mut new) = (0.0, 0.0);
-        for seed in 0..surfaces {
-            eprint!(
-                "\rfrom dimension: D {d:.1}, surface {} of {surfaces}  ",
-                seed + 1
-            );
-            let scene = Scene::new(side, 3.0 - d, SEEN, 40.0, seed);
-            let truth = dimension(&scene.truth, side);
-            let prior = Prior::from_dimension(d as f32, KAPPA);
-            old += (dimension(&gibbs(&scene, &prior, SWEEPS, seed), side) - truth).abs();
-            new += (dimension(&scene.realisation(20, &mut rng(seed)), side) - truth).abs();
-        }
-        // in units of the paper's variance at the coarsest scale, matched at D = 2.5
-        let law = |d: f64| 2f64.powf(-16.0 * (3.0 - d));
-        let ours = PAPER[3] * law(d) / law(2.5);
-        let share = 1.0 / surfaces as f64;
-        println!(
-            "| {d:.1} | {paper:.1e} | {ours:.1e} | {:.4} | {:.4} |",
-            old * share,
-            new * share
-        );
-    }
-    eprintln!();
-}
 
 /// Ratios of times, all in this run.
 fn speed(side: usize) {

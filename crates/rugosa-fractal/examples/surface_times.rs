@@ -217,6 +217,8 @@ fn coding() {
         Precision::Step(30.0),
         Precision::Within(5.0),
         Precision::Within(0.5),
+        Precision::Quick(5.0),
+        Precision::Quick(0.5),
     ] {
         let mut told = None;
         let encode = least(40, || {

@@ -38,6 +38,11 @@ impl Bench {
     }
 }
 
+/// The three ways to write a map.
+const PROFILES: [fn(f32) -> Precision; 3] = [Precision::Within, Precision::Step, Precision::Quick];
+/// The one that promises no bound.
+const LOSSY: usize = 1;
+
 /// Largest difference of known heights; panics where known and unknown differ.
 fn difference(a: &[f32], b: &[f32]) -> f32 {
     a.iter().zip(b).fold(0.0, |worst, (a, b)| {
@@ -54,7 +59,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(60))]
     #[test]
     fn any_map_comes_back_within_its_bound(
-        rows in 1usize..40, columns in 1usize..40, seed in 0u64..1000, holes in 0u32..5, lossy: bool, scale in 0.001f32..10.0
+        rows in 1usize..40, columns in 1usize..40, seed in 0u64..1000, holes in 0u32..5, profile in 0usize..3, scale in 0.001f32..10.0
     ) {
         let shape = Shape::new(rows, columns);
         let mut normal = common::normal(seed);
@@ -64,14 +69,14 @@ proptest! {
             if (i as u32 / 7) % 5 < holes { f32::NAN } else { z }
         }).collect();
         let mut bench = Bench::new(shape);
-        let precision = if lossy { Precision::Step(scale) } else { Precision::Within(scale) };
+        let precision = PROFILES[profile](scale);
         let told = bench.encode(&heights, shape, precision);
         let back = bench.decode(told.bytes).unwrap();
         prop_assert_eq!((back.step, back.shape), (1, shape));
         prop_assert_eq!(back.header.max_error, told.max_error);
         let found = difference(&bench.back, &heights);
         prop_assert_eq!(found, told.max_error, "decoder and encoder differ");
-        if !lossy {
+        if profile != LOSSY {
             prop_assert!(found <= scale * 1.0001 + 2e-5);
         }
     }
@@ -79,12 +84,12 @@ proptest! {
     /// Random bytes behind a good header, prefixes, flipped bits: an error or a map, never a
     /// panic, never more memory than was lent.
     #[test]
-    fn damage_is_noticed(seed in 0u64..1000, byte in 0usize..1000, bit in 0u8..8, cut in 0usize..1000) {
+    fn damage_is_noticed(profile in 0usize..3, seed in 0u64..1000, byte in 0usize..1000, bit in 0u8..8, cut in 0usize..1000) {
         let shape = Shape::new(33, 29);
         let mut normal = common::normal(seed);
         let heights: Vec<f32> = (0..shape.len()).map(|i| if i % 11 == 3 { f32::NAN } else { normal() }).collect();
         let mut bench = Bench::new(shape);
-        let n = bench.encode(&heights, shape, Precision::Step(0.3)).bytes;
+        let n = bench.encode(&heights, shape, PROFILES[profile](0.3)).bytes;
         let good = bench.out[..n].to_vec();
         bench.out[byte % n] ^= 1 << bit;
         prop_assert!(bench.decode(n).is_err());
@@ -103,7 +108,7 @@ proptest! {
     /// Damage that the checksums do not see, down to random bytes: whatever comes out fits.
     #[test]
     fn nothing_breaks_behind_the_checksums(
-        seed in 0u64..100, holes: bool, lossy: bool, cut in 0usize..2000,
+        seed in 0u64..100, holes: bool, profile in 0usize..3, cut in 0usize..2000,
         changes in prop::collection::vec((0usize..2000, any::<u8>()), 0..20),
         noise in prop::collection::vec(any::<u8>(), 0..400)
     ) {
@@ -111,8 +116,7 @@ proptest! {
         let mut normal = common::normal(seed);
         let heights: Vec<f32> = (0..shape.len()).map(|i| if holes && i % 11 == 3 { f32::NAN } else { normal() }).collect();
         let mut bench = Bench::new(shape);
-        let precision = if lossy { Precision::Step(0.3) } else { Precision::Within(0.01) };
-        let n = bench.encode(&heights, shape, precision).bytes;
+        let n = bench.encode(&heights, shape, PROFILES[profile](0.05)).bytes;
         let mut bytes = bench.out[..n].to_vec();
         changes.iter().for_each(|&(at, byte)| bytes[at % n] = byte);
         hostile::with_right_checksums(&bytes);
@@ -164,6 +168,40 @@ fn a_prefix_is_a_coarser_map() {
         steps.windows(2).all(|s| s[0] >= s[1]) && steps[0] >= 8 && steps[5] == 1,
         "{steps:?}"
     );
+}
+
+/// Of the quick profile the nodes themselves, within the bound.
+#[test]
+fn a_quick_prefix_has_the_heights_of_coarser_nodes() {
+    let heights = crop(0, 0, 257);
+    let mut bench = Bench::new(square(257));
+    let told = bench.encode(&heights, square(257), Precision::Quick(2.0));
+    let mut steps = Vec::new();
+    for percent in [3, 10, 40, 90, 100] {
+        let coarse = bench.decode(told.bytes * percent / 100).unwrap();
+        let side = coarse.shape.rows;
+        assert_eq!(coarse.shape, square(256 / coarse.step + 1));
+        let node = |i: usize| heights[i / side * coarse.step * 257 + i % side * coarse.step];
+        let nodes: Vec<f32> = (0..side * side).map(node).collect();
+        assert!(difference(&bench.back[..side * side], &nodes) <= 2.0);
+        steps.push(coarse.step);
+    }
+    assert_eq!(steps, [16, 8, 2, 2, 1]);
+}
+
+/// Bytes to the millimetre: between the coded profile and the raw differences.
+#[test]
+fn a_quick_map_is_a_fifth_longer() {
+    let heights = crop(0, 0, 257);
+    let mut bench = Bench::new(square(257));
+    let coded = bench.encode(&heights, square(257), Precision::Within(0.0005));
+    let quick = bench.encode(&heights, square(257), Precision::Quick(0.0005));
+    let ratio = quick.bytes as f64 / coded.bytes as f64;
+    println!(
+        "coded {}, quick {} bytes: {ratio:.3}",
+        coded.bytes, quick.bytes
+    );
+    assert!((1.1..1.3).contains(&ratio), "{ratio}");
 }
 
 #[test]
@@ -274,42 +312,4 @@ fn bad_input_is_refused() {
         encode_to_size(&flat, square(4), 10, (&mut work, &mut out)),
         Err(CodecError::Unreachable(10))
     );
-}
-
-/// Development figures on surfaces given by the environment: `CODEC_FILES=a.npy,b.npy`.
-#[test]
-fn figures() {
-    let Ok(files) = std::env::var("CODEC_FILES") else {
-        return;
-    };
-    for file in files.split(',') {
-        let bytes = std::fs::read(file).unwrap();
-        let body = &bytes[bytes.len() - 257 * 257 * 4..];
-        let heights: Vec<f32> = body
-            .as_chunks::<4>()
-            .0
-            .iter()
-            .map(|b| f32::from_le_bytes(*b))
-            .collect();
-        let mut bench = Bench::new(square(257));
-        for size in [2186, 586] {
-            let told = encode_to_size(
-                &heights,
-                square(257),
-                size,
-                (&mut bench.work, &mut bench.out),
-            )
-            .unwrap();
-            print!(
-                "{:.3} dB ({:.2} m)  ",
-                bench
-                    .decode(told.bytes)
-                    .map(|_| psnr(&bench.back, &heights))
-                    .unwrap(),
-                told.max_error
-            );
-        }
-        let exact = bench.encode(&heights, square(257), Precision::Within(0.0005));
-        println!("{file}: exact to 1 mm {} bytes", exact.bytes);
-    }
 }

@@ -9,7 +9,9 @@ use crate::error::{Failure, Result};
 use crate::io::atomic;
 use crate::layers::Layers;
 use crate::recording::Recording;
-use rugosa_hil::{Bench, Extent, Log, Parity, Scene, SentMap, Settings, Summary, image, split};
+use rugosa_hil::{
+    Bench, Extent, Log, Parity, Scene, Schedule, SentMap, Settings, Summary, image, split,
+};
 use rugosa_hil_sim::faults::Faults;
 use rugosa_hil_sim::qemu::Emulator;
 use rugosa_wire::{Decoder, Message, Role};
@@ -25,6 +27,7 @@ Examples:
   rugosa hil --out hil
   rugosa hil --baud 115200 --faults ber=1e-4,drop=0.001,seed=7
   rugosa hil --sweeps run1.mcap --json
+  rugosa hil --baud 115200 --rate 24 --raster 256x256 --count 60
 
 The image is built when it is missing and this is a checkout. QEMU (qemu-system-arm) must
 be installed. Ctrl-C ends the run and reports what there is. The exit code is 1 when
@@ -50,6 +53,11 @@ pub struct Args {
     /// Baud rate of the scanner's line; without it as fast as the emulator takes it
     #[arg(long, value_parser = clap::value_parser!(u32).range(300..))]
     baud: Option<u32>,
+
+    /// Lines per second of the scanner, which says how late they went out; without it as
+    /// fast as the module takes them
+    #[arg(long, value_name = "LINES", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    rate: Option<u32>,
 
     /// Board; mps2-an386 is the one that QEMU emulates
     #[arg(long, default_value = "mps2-an386", value_parser = ["mps2-an386"])]
@@ -88,6 +96,9 @@ pub fn run(args: &Args, console: &Console) -> Result<()> {
         from_module: args.baud.map_or_else(Faults::default, Faults::paced),
     };
     let mut bench = Bench::start(settings, description, messages).map_err(Failure::from)?;
+    bench.feeder.schedule = args
+        .rate
+        .map(|rate| Schedule::new(1_000_000 / u64::from(rate)));
     follow(&mut bench, console)?;
     let summary = bench.summary();
     if let Some(folder) = &args.out {
@@ -219,10 +230,14 @@ fn text(summary: &Summary) -> String {
         true => "every bit agrees",
         false => "MODULE AND HOST DIFFER",
     };
+    let late = lines.lateness.map_or_else(String::new, |l| {
+        let worst_ms = l.worst_us as f64 * 1e-3;
+        format!(", {} late (at most {worst_ms:.1} ms)", l.late)
+    });
     let costs = summary.instructions.iter();
     let costs: Vec<String> = costs.map(|(name, n)| format!("{name} {n}")).collect();
     format!(
-        "lines         {} sent, {} received, {} lost, {} rejected\n\
+        "lines         {} sent, {} received, {} lost, {} rejected{late}\n\
          compared      {} sweeps and {} values: {verdict}\n\
          instructions  {:.0} per return; last sweep: {}\n\
          memory        stack {} bytes, receive queue at most {} bytes\n\

@@ -22,8 +22,8 @@
 //! Where the paper leaves a choice, this is it: membrane and thin plate weigh the same on
 //! the finest layer; T_0 = κ S²(1), with S²(1) the variance of an elevation difference
 //! over one cell (the temperatures of the paper's Table 4 are proportional to S²(1); their
-//! unit is not stated). κ = [`KAPPA`] is a starting point, not a result: the example
-//! `reconstruction` finds the temperature at which D comes out right by trial.
+//! unit is not stated). κ = [`KAPPA`] is a starting point, not a result: `docs/results.md` has
+//! the temperature and the κ at which D comes out right, by trial.
 //!
 //! Cost: about 100 additions and multiplications per node and sweep, and it takes a
 //! hundred sweeps and more: use [`crate::pyramid`] instead. Tested: that relaxation ends

@@ -3,8 +3,10 @@
 //! Never reads past its input: bytes that are not there count as zeros, and what would depend
 //! on them is not returned. Writes into lent memory only.
 
-use super::header::{HAS_UNKNOWN, HEADER, Header, LOSSY, NOTHING_KNOWN, TRAILER};
+use super::band::Occupied;
+use super::header::{HAS_UNKNOWN, HEADER, Header, LOSSY, NOTHING_KNOWN, QUICK, TRAILER};
 use super::model::Walk;
+use super::packed::Reader;
 use super::range::Decoder;
 use super::{CRC32, CodecError, check_memory, lifting};
 use crate::surfaces::Shape;
@@ -46,7 +48,11 @@ pub fn decode(bytes: &[u8], (work, out): (&mut [i32], &mut [f32])) -> Result<Dec
         });
     }
     let end = bytes.len().min(header.length - TRAILER);
-    let step = read_stream(&header, (&bytes[HEADER..end], whole), (work, out))?;
+    let stream = &bytes[HEADER..end];
+    let step = match header.has(QUICK) {
+        true => unpack_stream(&header, stream, (work, out))?,
+        false => read_stream(&header, (stream, whole), (work, out))?,
+    };
     Ok(gather(header, step, work, out))
 }
 
@@ -78,6 +84,28 @@ fn read_stream(
     walk.dequantise(done);
     let occupied = walk.occupied;
     lifting::inverse(work, shape, (levels, done), occupied);
+    Ok(1 << done)
+}
+
+/// The same of packed blocks.
+fn unpack_stream(
+    header: &Header,
+    stream: &[u8],
+    (work, out): (&mut [i32], &mut [f32]),
+) -> Result<usize, CodecError> {
+    let (shape, levels) = (header.shape, lifting::levels(header.shape));
+    let mut reader = Reader::new(stream);
+    if header.has(HAS_UNKNOWN) {
+        let mark = |i: usize, unknown: bool| out[i] = if unknown { f32::NAN } else { 0.0 };
+        let told = reader.unknown(shape.len(), mark);
+        told.ok_or(CodecError::Truncated)?;
+    }
+    let first = reader.coarsest(work, shape, levels);
+    first.ok_or(CodecError::Truncated)?;
+    let complete = (1..=levels).rev();
+    let complete = complete.take_while(|&level| reader.level(work, shape, level).is_some());
+    let done = complete.last().map_or(levels, |level| level - 1);
+    lifting::inverse(work, shape, (levels, done), Occupied::default());
     Ok(1 << done)
 }
 

@@ -5,8 +5,11 @@
 
 use super::band::Occupied;
 use super::fill::{self, UNKNOWN};
-use super::header::{HAS_UNKNOWN, HEADER, Header, LOSSY, NOTHING_KNOWN, TRAILER, check_shape};
+use super::header::{
+    HAS_UNKNOWN, HEADER, Header, LOSSY, NOTHING_KNOWN, QUICK, TRAILER, check_shape,
+};
 use super::model::{self, Walk};
+use super::packed::Writer;
 use super::range::Encoder;
 use super::{CRC32, CodecError, check_memory, lifting};
 use crate::surfaces::Shape;
@@ -23,6 +26,8 @@ pub enum Precision {
     /// coefficients rounded to this step \[m\] (in units of their effect on the map); the
     /// error is measured, not prescribed
     Step(f32),
+    /// as `Within`, packed quickly instead of coded well
+    Quick(f32),
 }
 
 /// What was written.
@@ -52,12 +57,15 @@ pub fn encode(
     let (heights, work) = (&heights[..shape.len()], &mut work[..shape.len()]);
     let mut header = prepare(heights, shape, precision)?;
     quantise(heights, &mut header, work);
-    let length = match header.has(NOTHING_KNOWN) {
-        true => 0,
-        false => write_stream(heights, &header, work, out)?,
+    // packing takes nothing from the integers, so their errors are known before it
+    let before = header.has(QUICK).then(|| errors(heights, &header, work));
+    let length = match (header.has(NOTHING_KNOWN), header.has(QUICK)) {
+        (true, _) => 0,
+        (false, true) => pack_stream(heights, &header, work, out)?,
+        (false, false) => write_stream(heights, &header, work, out)?,
     };
     header.length = HEADER + length + TRAILER;
-    let (max_error, mean_square) = errors(heights, &header, work);
+    let (max_error, mean_square) = before.unwrap_or_else(|| errors(heights, &header, work));
     header.max_error = max_error;
     header.write(out);
     let end = header.length - TRAILER;
@@ -72,9 +80,10 @@ pub fn encode(
 
 /// Offset, quantum and flags.
 fn prepare(heights: &[f32], shape: Shape, precision: Precision) -> Result<Header, CodecError> {
-    let (wanted, quantum, lossy) = match precision {
+    let (wanted, quantum, profile) = match precision {
         Precision::Within(error) => (error, 2.0 * error, 0),
         Precision::Step(step) => (step, step / model::LOSSY_STEP as f32, LOSSY),
+        Precision::Quick(error) => (error, 2.0 * error, QUICK),
     };
     if !(quantum > 0.0 && quantum.is_finite()) {
         return Err(CodecError::Precision(wanted));
@@ -94,7 +103,7 @@ fn prepare(heights: &[f32], shape: Shape, precision: Precision) -> Result<Header
         quantum,
         max_error: 0.0,
         length: 0,
-        flags: flag(count < heights.len(), HAS_UNKNOWN) | flag(count == 0, NOTHING_KNOWN) | lossy,
+        flags: flag(count < heights.len(), HAS_UNKNOWN) | flag(count == 0, NOTHING_KNOWN) | profile,
     })
 }
 
@@ -173,7 +182,7 @@ fn write_stream(
     if header.has(HAS_UNKNOWN) {
         fill::fill(work, shape);
     }
-    lifting::forward(work, shape, levels);
+    lifting::forward(work, shape, levels, true);
     let body = out.len() - TRAILER;
     let coder = Encoder::new(&mut out[HEADER..body]);
     let mut walk = Walk::new(coder, work, shape, header.has(LOSSY));
@@ -192,6 +201,25 @@ fn write_stream(
     let length = walk.coder.finish().ok_or(CodecError::Full)?;
     lifting::inverse(work, shape, (levels, 0), occupied);
     Ok(length)
+}
+
+/// Writes the stream of packed blocks.
+fn pack_stream(
+    heights: &[f32],
+    header: &Header,
+    work: &mut [i32],
+    out: &mut [u8],
+) -> Result<usize, CodecError> {
+    let (shape, levels) = (header.shape, lifting::levels(header.shape));
+    let body = out.len() - TRAILER;
+    let mut writer = Writer::new(&mut out[HEADER..body]);
+    if header.has(HAS_UNKNOWN) {
+        writer.unknown(heights.iter().map(|z| z.is_nan()));
+        fill::fill(work, shape);
+    }
+    lifting::forward(work, shape, levels, false);
+    writer.levels(work, shape, levels);
+    writer.finish().ok_or(CodecError::Full)
 }
 
 /// (largest error, mean square) over known heights.

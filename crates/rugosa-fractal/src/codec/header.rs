@@ -17,6 +17,7 @@ const CRC16: crc::Crc<u16> = crc::Crc::<u16>::new(&crc::CRC_16_IBM_3740);
 pub(super) const HAS_UNKNOWN: u8 = 1;
 pub(super) const LOSSY: u8 = 2;
 pub(super) const NOTHING_KNOWN: u8 = 4;
+pub(super) const QUICK: u8 = 8;
 
 /// What the header says.
 #[derive(Clone, Copy, Debug, PartialEq)]

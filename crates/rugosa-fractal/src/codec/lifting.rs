@@ -49,17 +49,21 @@ pub(super) fn weight(level: u32, rows_high: bool, columns_high: bool) -> u64 {
     of(rows_high) * of(columns_high)
 }
 
-/// Heights → coefficients, in place.
-pub(super) fn forward(grid: &mut [i32], shape: Shape, levels: u32) {
+/// Heights → coefficients, in place; without `means` the coarser samples stay heights.
+pub(super) fn forward(grid: &mut [i32], shape: Shape, levels: u32, means: bool) {
     for level in 0..levels {
         let step = 1 << level;
         for row in (0..shape.rows).step_by(step) {
             let line = &mut grid[row * shape.columns..][..shape.columns];
             PREDICT.undo().along(line, step);
-            UPDATE.along(line, step);
+            if means {
+                UPDATE.along(line, step);
+            }
         }
         PREDICT.undo().across(grid, shape, step);
-        UPDATE.across(grid, shape, step);
+        if means {
+            UPDATE.across(grid, shape, step);
+        }
     }
 }
 
@@ -257,7 +261,7 @@ mod tests {
             let value = |i: usize| (i as u32).wrapping_mul(2654435761).wrapping_add(seed).wrapping_mul(40503) as i32 >> 12;
             let data: Vec<i32> = (0..shape.len()).map(value).collect();
             let mut grid = data.clone();
-            forward(&mut grid, shape, levels(shape));
+            forward(&mut grid, shape, levels(shape), true);
             let mut occupied = Occupied::default();
             (1..=levels(shape)).flat_map(|l| Band::of_level(shape, l)).for_each(|b| occupied.add(&b));
             inverse(&mut grid, shape, (levels(shape), 0), occupied);
@@ -274,7 +278,7 @@ mod tests {
                 16 * (y * y * y - 3 * x * x * y + 40 * x)
             })
             .collect();
-        forward(&mut grid, shape, 1);
+        forward(&mut grid, shape, 1, true);
         for y in (4..28).step_by(1) {
             for x in (5..28).step_by(2) {
                 assert_eq!(grid[y * 33 + x], 0, "({y}, {x})");

@@ -28,7 +28,7 @@ pub fn encode_within(
     bound: f32,
     (work, out): (&mut [i32], &mut [u8]),
 ) -> Result<Encoded, CodecError> {
-    let exact = exactly_within(heights, shape, bound, (work, out))?;
+    let exact = exactly_within(heights, shape, (bound, Precision::Within), (work, out))?;
     let mut best: Option<(f32, Encoded)> = None;
     // the largest error is some 1.5 to 4 steps, nearly in proportion
     let (mut fine, mut coarse) = (0.05 * bound, 4.0 * bound);
@@ -62,20 +62,33 @@ pub fn encode_within(
         Some((step, lossy)) if lossy.bytes < exact.bytes => {
             encode(heights, shape, Precision::Step(step), (work, out))
         }
-        _ => exactly_within(heights, shape, bound, (work, out)),
+        _ => exactly_within(heights, shape, (bound, Precision::Within), (work, out)),
     }
+}
+
+/// Every known height within `bound` metres, packed for speed.
+///
+/// # Errors
+/// As [`encode`].
+pub fn encode_quickly(
+    heights: &[f32],
+    shape: Shape,
+    bound: f32,
+    lent: (&mut [i32], &mut [u8]),
+) -> Result<Encoded, CodecError> {
+    exactly_within(heights, shape, (bound, Precision::Quick), lent)
 }
 
 /// The quantum shrinks a little if the rounding of f32 carried an error over the bound.
 fn exactly_within(
     heights: &[f32],
     shape: Shape,
-    bound: f32,
+    (bound, precisely): (f32, fn(f32) -> Precision),
     (work, out): (&mut [i32], &mut [u8]),
 ) -> Result<Encoded, CodecError> {
     let mut precision = bound;
     for _ in 0..8 {
-        let encoded = encode(heights, shape, Precision::Within(precision), (work, out))?;
+        let encoded = encode(heights, shape, precisely(precision), (work, out))?;
         if encoded.max_error <= bound {
             return Ok(encoded);
         }

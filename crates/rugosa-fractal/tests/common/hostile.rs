@@ -23,7 +23,7 @@ pub fn with_right_checksums(bytes: &[u8]) {
     bytes.resize(bytes.len().max(HEADER + 4), 0);
     let length = bytes.len();
     bytes[..2].copy_from_slice(b"RZ");
-    bytes[2] = 0x10 | bytes[2] & 7;
+    bytes[2] = 0x10 | bytes[2] & 15;
     bytes[19..23].copy_from_slice(&(length as u32).to_le_bytes());
     let sum = crc::Crc::<u16>::new(&crc::CRC_16_IBM_3740).checksum(&bytes[..23]);
     bytes[23..25].copy_from_slice(&sum.to_le_bytes());
