@@ -195,9 +195,7 @@ fn wavelet(args: &Args, raster: &Raster) -> Result<(Vec<u8>, Vec<f32>)> {
     let mut out = vec![0; shape.len() * 6 + 1024];
     let lent = (work.as_mut_slice(), out.as_mut_slice());
     let told = match (args.max_error, args.bytes) {
-        (Some(bound), _) if args.quick => {
-            codec::encode_quickly(&raster.values, shape, bound, lent)
-        }
+        (Some(bound), _) if args.quick => codec::encode_quickly(&raster.values, shape, bound, lent),
         (Some(bound), _) => codec::encode_within(&raster.values, shape, bound, lent),
         (None, Some(bytes)) => codec::encode_to_size(&raster.values, shape, bytes, lent),
         (None, None) => codec::encode(&raster.values, shape, Precision::Within(0.001), lent),
