@@ -69,7 +69,7 @@ SIMULATION = """
 library(gstat); library(sp)
 p <- read.table("{points}"); names(p) <- c("x", "y", "z"); coordinates(p) <- ~x+y
 g <- expand.grid(x = 0:{last}, y = 0:{last}); coordinates(g) <- ~x+y; gridded(g) <- TRUE
-m <- vgm(0.5, "Pow", {power})
+m <- vgm({sill}, "Exc", {range}, kappa = {power})
 start <- proc.time()[["elapsed"]]
 k <- krige(z ~ 1, p, g, m, nmax = 16, nsim = 1, debug.level = 0)
 cat(proc.time()[["elapsed"]] - start, "\\n")
@@ -80,7 +80,9 @@ write.table(k$sim1, "{out}", row.names = FALSE, col.names = FALSE)
 def simulation(points, size, hurst, folder):
     xyz, out = Path(folder) / "points.txt", Path(folder) / "sgs.txt"
     np.savetxt(xyz, points)
-    script = SIMULATION.format(points=xyz, last=size - 1, power=2 * hurst, out=out)
+    reach = 10 * size  # simulation needs a sill: a power law up to far beyond the map
+    script = SIMULATION.format(points=xyz, last=size - 1, power=2 * hurst, range=reach,
+                               sill=0.5 * reach ** (2 * hurst), out=out)
     run = subprocess.run(["Rscript", "-e", script], check=True, capture_output=True, text=True)
     return np.loadtxt(out).reshape(size, size), float(run.stdout.split()[-1])
 

@@ -93,10 +93,7 @@ impl Mapper<'_> {
         let around = Around::new(resolution, self.limits(), roughness.as_ref());
         let mut patch = Patch::new();
         patch.fill(self.grid(), tile, around.margin());
-        core::array::from_fn(|row| {
-            let features = patch.row(row, &around);
-            core::array::from_fn(|column| patch.is_measured(row, column).then(|| features[column]))
-        })
+        core::array::from_fn(|row| patch.row(row, &around))
     }
 
     /// Fills a plane of `side²` values of a layer, row by row from the south-west corner;

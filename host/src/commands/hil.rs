@@ -178,9 +178,7 @@ fn follow<M: Iterator<Item = Message>>(bench: &mut Bench<M>, console: &Console) 
         }
         shown = bench.entries.len();
         let (sweeps, lines) = (bench.listener.sweeps(), bench.feeder.lines);
-        progress.set(lines, || {
-            format!("{lines} lines sent, {sweeps} sweeps mapped")
-        });
+        progress.set(lines, || format!("lines sent, {sweeps} sweeps mapped"));
     }
     drop(progress);
     bench.settle().map_err(Failure::from)

@@ -162,6 +162,12 @@ impl<'m> ElevationGrid<'m> {
         self.sample(cell).state()
     }
 
+    /// The same of the cell in a slot of the window.
+    #[inline]
+    pub fn state_in(&self, slot: usize) -> State {
+        self.samples[slot].state()
+    }
+
     /// The point sample of a cell; the empty one outside the window.
     pub fn sample(&self, cell: Cell) -> Sample {
         self.window
@@ -197,6 +203,15 @@ impl<'m> ElevationGrid<'m> {
             count: held.count(),
             last_sweep: held.last_sweep,
         })
+    }
+
+    /// Elevation \[m\] and its variance \[m²\] of the cell in a slot of the window; `None`
+    /// where nothing is measured.
+    #[inline]
+    pub fn elevation(&self, slot: usize) -> Option<[f32; 2]> {
+        let held = &self.cells[slot];
+        let is_measured = self.samples[slot].is_measured();
+        is_measured.then_some([held.elevation, held.variance])
     }
 
     /// Height steps → metres above the map's zero.

@@ -123,29 +123,62 @@ impl<'m> Costs<'m> {
         roughness: Option<&Roughness>,
         limits: &Limits,
     ) -> bool {
-        let mut patch = Patch::new();
-        let around = Around::new(grid.lattice().resolution(), limits, roughness);
-        if tile.cells().any(|cell| grid.state(cell) == State::Measured) {
-            patch.fill(grid, tile, around.margin());
+        let slots = Slots::of(grid.window(), tile);
+        let is_measured = |slot| grid.state_in(slot) == State::Measured;
+        if !(0..TILE as usize).any(|row| slots.row(row).any(|(_, slot)| is_measured(slot))) {
+            return self.put(grid, &slots, |_| [None; TILE as usize]);
         }
+        let around = Around::new(grid.lattice().resolution(), limits, roughness);
         let judge = Judge::new(limits, roughness);
+        let mut patch = Patch::new();
+        patch.fill(grid, tile, around.margin());
+        let cost = |features: Option<Features>| features.map(|f| judge.cost(&f));
+        self.put(grid, &slots, |row| patch.row(row, &around).map(cost))
+    }
+
+    /// Puts the costs of a tile, row by row, where it is measured; true where one changed.
+    fn put(
+        &mut self,
+        grid: &ElevationGrid,
+        slots: &Slots,
+        measured: impl Fn(usize) -> [Option<CellCost>; TILE as usize],
+    ) -> bool {
         let mut changed = false;
         for row in 0..TILE as usize {
-            let features = patch.row(row, &around);
-            for (column, features) in features.iter().enumerate() {
-                let cell = tile.origin().offset(column as i32, row as i32);
-                let Some(slot) = grid.window().slot(cell) else {
-                    continue;
-                };
-                let cost = match grid.state(cell) {
-                    State::Unknown => CellCost::UNKNOWN,
+            let costs = measured(row);
+            for (column, slot) in slots.row(row) {
+                let cost = costs[column].unwrap_or_else(|| match grid.state_in(slot) {
                     State::SeenThrough => CellCost::new(1.0, Criterion::Hole),
-                    State::Measured => judge.cost(features),
-                };
+                    _ => CellCost::UNKNOWN,
+                });
                 changed |= core::mem::replace(&mut self.plane[slot], cost) != cost;
             }
         }
         changed
+    }
+}
+
+/// Where the cells of a tile lie in the planes of a map: the sum of a part of the row and one
+/// of the column.
+struct Slots {
+    rows: [Option<usize>; TILE as usize],
+    columns: [Option<usize>; TILE as usize],
+}
+
+impl Slots {
+    fn of(window: &Window, tile: Tile) -> Self {
+        let Cell { x, y } = tile.origin();
+        Slots {
+            rows: core::array::from_fn(|i| window.row_part(y.wrapping_add(i as i32))),
+            columns: core::array::from_fn(|i| window.column_part(x.wrapping_add(i as i32))),
+        }
+    }
+
+    /// Columns and slots of the cells of a row within the map.
+    fn row(&self, row: usize) -> impl Iterator<Item = (usize, usize)> {
+        let row = self.rows[row];
+        let columns = self.columns.iter().enumerate();
+        columns.filter_map(move |(column, &part)| Some((column, row? + part?)))
     }
 }
 

@@ -17,18 +17,21 @@
 //! the chance that any step exceeds the limit; neighbouring cells are far from independent,
 //! so the product of their chances would be no better.
 //!
-//! The cells of a tile and its margin are unpacked once; then each offset of the disc is a
-//! shifted row, eight cells at a time, and the powers d^{2H} come from a table by squared
-//! distance. Rows without a measured cell are passed over. A slope needs at least [`LEAST`] measured cells that
-//! do not lie on a line; otherwise it is NaN.
+//! The cells of a tile and its margin are unpacked once; then each measured cell looks at the
+//! rows of its disc, four neighbours at a time, passing over fours of which none is measured.
+//! Sums over a column of the disc come first, their products with x last. Of the unseen
+//! neighbours the farthest counts, which bits tell. What a disc looks like, and the powers
+//! d^{2H}, are the same for all cells of a tile. A slope needs at least [`LEAST`] measured cells
+//! that do not lie on a line; otherwise it is NaN.
 //!
-//! Cost: about 20 operations per offset and cell (29 offsets at 3 cells), without branches.
+//! Cost: about 20 operations per neighbour (56 at 3 cells where all are measured).
 //! `cargo bench -p rugosa` prints the time.
 
 use super::Limits;
 use rugosa_fractal::roughness::Roughness;
-use rugosa_grid::{Cell, TILE, Tile, math};
+use rugosa_grid::{TILE, Tile, math};
 use rugosa_terrain::ElevationGrid;
+use wide::f32x4;
 
 /// Fewest measured cells of a slope.
 pub const LEAST: f32 = 4.0;
@@ -38,8 +41,13 @@ pub const REACH: i32 = 8;
 /// Keeps variances positive \[m²\].
 const TINY: f32 = 1e-12;
 
-const LANES: usize = TILE as usize;
-const SIDE: usize = LANES + 2 * REACH as usize;
+/// Neighbours that are looked at together.
+const LANES: usize = 4;
+/// Side of a tile with its margin; rows are longer, so that the last four can be read.
+const SIDE: usize = (TILE + 2 * REACH) as usize;
+/// Columns of the widest disc, in fours.
+const WIDTH: usize = (2 * REACH as usize + 1).next_multiple_of(LANES);
+const LONG: usize = TILE as usize - 1 + WIDTH + 1;
 
 /// What the ground around a cell is like.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,28 +62,23 @@ pub struct Features {
     pub uncertainty: f32,
 }
 
-impl Features {
-    /// Of a cell that is not measured: they mean nothing.
-    const NONE: Features = Features {
-        slope: f32::NAN,
-        step: 0.0,
-        hidden_step: 0.0,
-        uncertainty: 0.0,
-    };
-}
+/// Elevations and variances of a tile and its margin, row by row.
+pub(crate) struct Patch([Strip; SIDE]);
 
-/// Elevations and variances of a tile and its margin.
-pub(crate) struct Patch {
-    elevation: [[f32; SIDE]; SIDE],
-    variance: [[f32; SIDE]; SIDE],
-    /// 1 where measured, else 0
-    mask: [[f32; SIDE]; SIDE],
+/// A row of them.
+#[derive(Clone, Copy)]
+struct Strip {
+    elevation: [f32; LONG],
+    variance: [f32; LONG],
+    /// bit x: measured?
+    measured: u32,
 }
 
 /// Squared distances in cells that occur in a disc.
 const SQUARES: usize = (REACH * REACH + 2) as usize;
 
-/// What the features of a tile depend on besides its elevations.
+/// What the features of a tile depend on besides its elevations: the disc around a cell, by
+/// the distance of its rows, from its first column on.
 pub(crate) struct Around {
     /// cell edge \[m\]
     resolution: f32,
@@ -83,36 +86,49 @@ pub(crate) struct Around {
     radius: i32,
     /// the step that must not be exceeded \[m\]
     limit: f32,
+    rows: [DiscRow; REACH as usize + 1],
     /// σ² d^{2H} by squared distance in cells; 0 where the roughness is not known
     hidden: [f32; SQUARES],
+}
+
+/// A row of the disc, without its middle.
+#[derive(Clone, Copy)]
+struct DiscRow {
+    /// 1 in the disc, 0 beside it
+    within: [f32; WIDTH],
+    /// bit x: in the disc?
+    bits: u32,
 }
 
 impl Around {
     /// For cells of `resolution` \[m\], in the limits' window, on ground of this roughness.
     pub(crate) fn new(resolution: f32, limits: &Limits, roughness: Option<&Roughness>) -> Self {
+        let radius = disc(limits.window / resolution);
         let mut around = Around {
             resolution,
-            radius: disc(limits.window / resolution),
+            radius,
             limit: limits.step.critical,
-            hidden: [0.0; SQUARES],
+            rows: [DiscRow {
+                within: [0.0; WIDTH],
+                bits: 0,
+            }; REACH as usize + 1],
+            hidden: variances(resolution, radius, roughness),
         };
-        let Some(r) = roughness else {
-            return around;
-        };
-        for y in 1..=around.radius {
-            for x in 0..=y.min(around.half_width(y)) {
-                let square = (x * x + y * y) as usize;
-                let metres = square as f32 * resolution * resolution;
-                around.hidden[square] = r.sigma * r.sigma * math::powf(metres, r.hurst);
+        for y in 0..=radius {
+            for x in (-radius..=radius).filter(|&x| is_within(radius, x, y)) {
+                let (row, column) = (&mut around.rows[y as usize], (x + radius) as usize);
+                row.within[column] = 1.0;
+                row.bits |= 1 << column;
             }
         }
         around
     }
 
-    /// Cells to the side of the middle that the disc holds in row `y`.
-    fn half_width(&self, y: i32) -> i32 {
-        let most = self.radius * self.radius + 1 - y * y;
-        (0..=self.radius).rev().find(|x| x * x <= most).unwrap_or(0)
+    /// Where the fours of columns begin.
+    #[inline(always)]
+    fn columns(&self) -> impl Iterator<Item = usize> + use<> {
+        let fours = (2 * self.radius as usize + 1).div_ceil(LANES);
+        (0..fours).map(|four| four * LANES)
     }
 
     /// Cells around a tile that its features depend on.
@@ -121,56 +137,127 @@ impl Around {
     }
 }
 
+/// σ² d^{2H} by squared distance in cells.
+fn variances(resolution: f32, radius: i32, roughness: Option<&Roughness>) -> [f32; SQUARES] {
+    let mut variances = [0.0; SQUARES];
+    let Some(r) = roughness else {
+        return variances;
+    };
+    for y in 1..=radius {
+        for x in (0..=y).filter(|&x| is_within(radius, x, y)) {
+            let square = (x * x + y * y) as usize;
+            let metres = square as f32 * resolution * resolution;
+            variances[square] = r.sigma * r.sigma * math::powf(metres, r.hurst);
+        }
+    }
+    variances
+}
+
+/// Is the cell at this offset in the disc, and not its middle?
+fn is_within(radius: i32, x: i32, y: i32) -> bool {
+    (1..=radius * radius + 1).contains(&(x * x + y * y))
+}
+
 impl Patch {
     /// Nothing measured.
     pub(crate) const fn new() -> Self {
-        Patch {
-            elevation: [[0.0; SIDE]; SIDE],
-            variance: [[0.0; SIDE]; SIDE],
-            mask: [[0.0; SIDE]; SIDE],
-        }
+        let strip = Strip {
+            elevation: [0.0; LONG],
+            variance: [0.0; LONG],
+            measured: 0,
+        };
+        Patch([strip; SIDE])
     }
 
-    /// Unpacks a tile and `margin` cells around it.
+    /// Unpacks a tile and `margin` cells around it into an empty patch.
     pub(crate) fn fill(&mut self, grid: &ElevationGrid, tile: Tile, margin: i32) {
         let corner = tile.origin().offset(-REACH, -REACH);
-        for y in REACH - margin..TILE + REACH + margin {
-            for x in REACH - margin..TILE + REACH + margin {
-                let ground = grid.ground(Cell::offset(corner, x, y));
-                let (x, y) = (x as usize, y as usize);
-                self.mask[y][x] = f32::from(u8::from(ground.is_some()));
-                let (z, v) = ground.map_or((0.0, 0.0), |g| (g.elevation, g.variance));
-                self.elevation[y][x] = z;
-                self.variance[y][x] = v;
+        let window = grid.window();
+        let columns: [_; SIDE] =
+            core::array::from_fn(|x| window.column_part(corner.x.wrapping_add(x as i32)));
+        let reached = (REACH - margin) as usize..(TILE + REACH + margin) as usize;
+        for y in reached.clone() {
+            let Some(row) = window.row_part(corner.y.wrapping_add(y as i32)) else {
+                continue;
+            };
+            for x in reached.clone() {
+                if let Some(ground) = columns[x].and_then(|column| grid.elevation(row + column)) {
+                    self.set([x, y], ground);
+                }
             }
         }
     }
 
-    /// Features of the eight cells of one row of the tile; of unmeasured cells they mean
-    /// nothing.
-    pub(crate) fn row(&self, row: usize, around: &Around) -> [Features; LANES] {
-        if !(0..LANES).any(|column| self.is_measured(row, column)) {
-            return [Features::NONE; LANES];
-        }
-        let mut sums = Sums::new(self, row);
-        for y in -around.radius..=around.radius {
-            let half = around.half_width(y);
-            let mut line = Line::default();
-            for x in (-half..=half).filter(|&x| x != 0 || y != 0) {
-                let hidden = around.hidden[(x * x + y * y) as usize];
-                let near = sums.neighbours(self, [x, y]);
-                line.add(&near, x as f32);
-                sums.meet(&near, [around.limit, hidden]);
-            }
-            sums.enter(&line, y as f32);
-        }
-        sums.finish(around)
+    fn set(&mut self, [x, y]: [usize; 2], [elevation, variance]: [f32; 2]) {
+        let strip = &mut self.0[y];
+        strip.elevation[x] = elevation;
+        strip.variance[x] = variance;
+        strip.measured |= 1 << x;
     }
 
-    /// Is this cell of the tile measured?
-    pub(crate) fn is_measured(&self, row: usize, column: usize) -> bool {
-        self.mask[row + REACH as usize][column + REACH as usize] > 0.0
+    /// Features of the cells of one row of the tile; `None` where not measured.
+    pub(crate) fn row(&self, row: usize, around: &Around) -> [Option<Features>; TILE as usize] {
+        let measured = self.0[row + REACH as usize].measured >> REACH;
+        core::array::from_fn(|column| {
+            let is_measured = measured >> column & 1 > 0;
+            is_measured.then(|| self.cell([row, column], around))
+        })
     }
+
+    fn cell(&self, [row, column]: [usize; 2], around: &Around) -> Features {
+        let [row, column] = [row, column].map(|i| i + REACH as usize);
+        let (elevation, variance) = (
+            self.0[row].elevation[column],
+            self.0[row].variance[column] + TINY,
+        );
+        let radius = around.radius as usize;
+        let (rows, left) = (&self.0[row - radius..][..2 * radius + 1], column - radius);
+        let mut measured = [0; 2 * REACH as usize + 1];
+        let mut farthest = 0;
+        for ((strip, y), measured) in rows.iter().zip(-around.radius..).zip(&mut measured) {
+            let disc = around.rows[y.unsigned_abs() as usize].bits;
+            *measured = strip.measured >> left & disc;
+            farthest = farthest.max(farthest_square(disc & !*measured, around.radius, y));
+        }
+        let unseen = around.hidden[farthest as usize];
+        let mut sums = Sums::default();
+        let mut worst = Worst::unseen(around.limit, variance + unseen);
+        for first in around.columns() {
+            let mut columns = Columns::new([elevation, variance]);
+            for ((strip, y), measured) in rows.iter().zip(-around.radius..).zip(&measured) {
+                if measured >> first & ALL_LANES == 0 {
+                    continue;
+                }
+                let near = Neighbours {
+                    elevation: four(&strip.elevation, left + first),
+                    variance: four(&strip.variance, left + first),
+                    within: four(&around.rows[y.unsigned_abs() as usize].within, first),
+                };
+                columns.add(&near, y as f32, around.limit);
+            }
+            sums.add(&columns, first as f32 - around.radius as f32);
+            worst.meet(&columns);
+        }
+        let (step, [margin, spread]) = worst.of_all();
+        Features {
+            slope: sums.slope(around.resolution),
+            step,
+            hidden_step: exceeds(margin, spread, around.limit),
+            uncertainty: math::sqrt(variance),
+        }
+    }
+}
+
+/// Squared distance of the farthest of some cells of row `y`; 0 if there is none.
+#[inline(always)]
+fn farthest_square(bits: u32, radius: i32, y: i32) -> i32 {
+    if bits == 0 {
+        return 0;
+    }
+    let left = radius - bits.trailing_zeros() as i32;
+    let right = 31 - bits.leading_zeros() as i32 - radius;
+    let x = left.max(right);
+    x * x + y * y
 }
 
 /// Radius in whole cells, 1 … [`REACH`].
@@ -178,156 +265,135 @@ fn disc(cells: f32) -> i32 {
     math::round_index(cells).clamp(1, REACH)
 }
 
-type Lanes = [f32; LANES];
+/// One number for each of four columns of a disc.
+type Lanes = f32x4;
 
-/// Sums over the offsets of one row of the disc, for eight cells.
-#[derive(Default)]
-struct Line {
-    count: Lanes,
-    x: Lanes,
-    xx: Lanes,
-    z: Lanes,
-    xz: Lanes,
+/// Four numbers of a row.
+#[inline(always)]
+fn four<const N: usize>(row: &[f32; N], first: usize) -> Lanes {
+    // one check of the bounds for all
+    let four = row[first..].first_chunk::<LANES>();
+    Lanes::from(four.copied().unwrap_or_default())
 }
 
-impl Line {
-    #[inline(always)]
-    fn add(&mut self, near: &Neighbours, x: f32) {
-        for i in 0..LANES {
-            self.count[i] += near.mask[i];
-            self.x[i] += x * near.mask[i];
-            self.xx[i] += x * x * near.mask[i];
-            self.z[i] += near.rise[i];
-            self.xz[i] += x * near.rise[i];
-        }
-    }
-}
+/// One bit for each.
+const ALL_LANES: u32 = (1 << LANES) - 1;
 
-/// The cells at one offset from eight cells.
+/// Four cells of a row of the disc.
 struct Neighbours {
-    /// 1 where measured, else 0
-    mask: Lanes,
-    /// elevation above that of the cell; 0 where not measured
-    rise: Lanes,
+    elevation: Lanes,
+    /// 0 where not measured
     variance: Lanes,
+    within: Lanes,
 }
 
-/// Sums over the offsets, for eight cells.
-struct Sums {
-    row: usize,
-    centre: Lanes,
+/// Sums over the rows of the disc, for four columns.
+struct Columns {
+    elevation: Lanes,
     variance: Lanes,
-    measured: Lanes,
     count: Lanes,
-    /// Σx, Σy, Σz
-    first: [Lanes; 3],
-    /// Σxx, Σxy, Σyy, Σxz, Σyz
-    second: [Lanes; 5],
+    y: Lanes,
+    yy: Lanes,
+    z: Lanes,
+    yz: Lanes,
     step: Lanes,
-    /// |Δ| and s² of the neighbour most likely to exceed the limit: that of the least
-    /// (limit − |Δ|) |limit − |Δ|| / s²
-    worst: [Lanes; 2],
-    /// the numerator of its quotient; the denominator is its s²
+    /// (limit − |Δ|) |limit − |Δ|| and s² of the neighbour most likely to exceed the limit:
+    /// that of their least quotient
     margin: Lanes,
+    spread: Lanes,
 }
 
 /// Greater than any numerator.
 const FAR: f32 = 1e30;
 
-impl Sums {
-    fn new(patch: &Patch, row: usize) -> Self {
-        let at = row + REACH as usize;
-        let lanes =
-            |plane: &[[f32; SIDE]; SIDE]| core::array::from_fn(|i| plane[at][i + REACH as usize]);
-        let variance: Lanes = lanes(&patch.variance);
-        let measured = lanes(&patch.mask);
-        Sums {
-            row,
-            centre: lanes(&patch.elevation),
-            variance,
-            measured,
-            count: measured,
-            first: [[0.0; LANES]; 3],
-            second: [[0.0; LANES]; 5],
-            step: [0.0; LANES],
-            worst: [[0.0; LANES], variance.map(|v| v + TINY)],
-            margin: [FAR; LANES],
+impl Columns {
+    /// Around a cell of this elevation and variance.
+    fn new([elevation, variance]: [f32; 2]) -> Self {
+        Columns {
+            elevation: Lanes::splat(elevation),
+            variance: Lanes::splat(variance),
+            count: Lanes::ZERO,
+            y: Lanes::ZERO,
+            yy: Lanes::ZERO,
+            z: Lanes::ZERO,
+            yz: Lanes::ZERO,
+            step: Lanes::ZERO,
+            margin: Lanes::splat(FAR),
+            spread: Lanes::splat(1.0),
         }
     }
 
-    /// What lies at an offset from the eight cells.
     #[inline(always)]
-    fn neighbours(&self, patch: &Patch, [x, y]: [i32; 2]) -> Neighbours {
-        let row = (self.row as i32 + REACH + y) as usize;
-        let first = (REACH + x) as usize;
-        // one check of the bounds for all eight
-        let lanes = |plane: &[[f32; SIDE]; SIDE]| -> Lanes {
-            let eight = &plane[row][first..first + LANES];
-            eight.try_into().unwrap_or([0.0; LANES])
-        };
-        let (mask, heights) = (lanes(&patch.mask), lanes(&patch.elevation));
-        Neighbours {
-            mask,
-            rise: core::array::from_fn(|i| (heights[i] - self.centre[i]) * mask[i]),
-            variance: lanes(&patch.variance),
-        }
-    }
-
-    /// Is a neighbour the highest step so far, or the most likely to exceed the limit?
-    #[inline(always)]
-    fn meet(&mut self, near: &Neighbours, [limit, hidden]: [f32; 2]) {
-        let rise = near.rise.map(math::abs);
-        for (step, rise) in self.step.iter_mut().zip(rise) {
-            *step = select(mask_of(rise > *step), rise, *step);
-        }
-        // the variance of what was not measured is 0, so this is one or the other
-        let spread: Lanes = core::array::from_fn(|i| {
-            self.variance[i] + (near.variance[i] + hidden * (1.0 - near.mask[i])) + TINY
-        });
-        let margin = rise.map(|rise| (limit - rise) * math::abs(limit - rise));
+    fn add(&mut self, near: &Neighbours, y: f32, limit: f32) {
+        let (y, limit) = (Lanes::splat(y), Lanes::splat(limit));
+        let is_measured = near.variance.simd_gt(Lanes::ZERO);
+        let count = near.within & is_measured;
+        let rise = (near.elevation - self.elevation) * count;
+        self.count += count;
+        self.y += y * count;
+        self.yy += y * y * count;
+        self.z += rise;
+        self.yz += y * rise;
+        let rise = rise.abs();
+        self.step = self.step.fast_max(rise);
+        // 0 where nothing is measured and beside the disc, so never the worst
+        let spread = (self.variance + near.variance) * count;
+        let rest = limit - rise;
+        let margin = rest * rest.abs();
         // a / b < c / d without a division, b and d being positive
-        let worse: [u32; LANES] = core::array::from_fn(|i| {
-            mask_of(margin[i] * self.worst[1][i] < self.margin[i] * spread[i])
-        });
-        for i in 0..LANES {
-            self.margin[i] = select(worse[i], margin[i], self.margin[i]);
-            self.worst[0][i] = select(worse[i], rise[i], self.worst[0][i]);
-            self.worst[1][i] = select(worse[i], spread[i], self.worst[1][i]);
-        }
+        let worse = (margin * self.spread).simd_lt(self.margin * spread);
+        self.margin = worse.select(margin, self.margin);
+        self.spread = worse.select(spread, self.spread);
     }
+}
 
-    /// Takes over the sums of the disc's row `y`.
+/// Sum of four, in this order on every machine.
+fn total(lanes: Lanes) -> f32 {
+    let [a, b, c, d] = lanes.to_array();
+    (a + c) + (b + d)
+}
+
+/// Sums over the cells of the disc without its middle, in four parts.
+#[derive(Default)]
+struct Sums {
+    count: Lanes,
+    /// Σx, Σy, Σz
+    first: [Lanes; 3],
+    /// Σxx, Σxy, Σyy, Σxz, Σyz
+    second: [Lanes; 5],
+}
+
+impl Sums {
+    /// Adds four columns, the first of them at `first`.
     #[inline(always)]
-    fn enter(&mut self, line: &Line, y: f32) {
-        for i in 0..LANES {
-            self.count[i] += line.count[i];
-            self.first[0][i] += line.x[i];
-            self.first[1][i] += y * line.count[i];
-            self.first[2][i] += line.z[i];
-            self.second[0][i] += line.xx[i];
-            self.second[1][i] += y * line.x[i];
-            self.second[2][i] += y * y * line.count[i];
-            self.second[3][i] += line.xz[i];
-            self.second[4][i] += y * line.z[i];
-        }
+    fn add(&mut self, columns: &Columns, first: f32) {
+        const STEPS: [f32; LANES] = [0.0, 1.0, 2.0, 3.0];
+        let x = Lanes::splat(first) + Lanes::from(STEPS);
+        let across = x * columns.count;
+        self.count += columns.count;
+        let first = [across, columns.y, columns.z];
+        let second = [
+            x * across,
+            x * columns.y,
+            columns.yy,
+            x * columns.z,
+            columns.yz,
+        ];
+        self.first
+            .iter_mut()
+            .zip(first)
+            .for_each(|(s, of)| *s += of);
+        self.second
+            .iter_mut()
+            .zip(second)
+            .for_each(|(s, of)| *s += of);
     }
 
-    fn finish(&self, around: &Around) -> [Features; LANES] {
-        core::array::from_fn(|i| match self.measured[i] > 0.0 {
-            false => Features::NONE,
-            true => Features {
-                slope: self.slope(i, around.resolution),
-                step: self.step[i],
-                hidden_step: exceeds(self.worst[0][i], self.worst[1][i], around.limit),
-                uncertainty: math::sqrt(self.variance[i]),
-            },
-        })
-    }
-
-    fn slope(&self, i: usize, resolution: f32) -> f32 {
-        let n = self.count[i];
-        let [x, y, z] = self.first.map(|s| s[i]);
-        let [xx, xy, yy, xz, yz] = self.second.map(|s| s[i]);
+    /// Slope of the plane; x, y and z are counted from the middle, which is one cell more.
+    fn slope(&self, resolution: f32) -> f32 {
+        let n = 1.0 + total(self.count);
+        let [x, y, z] = self.first.map(total);
+        let [xx, xy, yy, xz, yz] = self.second.map(total);
         let (xx, xy, yy) = (xx - x * x / n, xy - x * y / n, yy - y * y / n);
         let (xz, yz) = (xz - x * z / n, yz - y * z / n);
         let det = xx * yy - xy * xy;
@@ -340,23 +406,53 @@ impl Sums {
     }
 }
 
-/// All bits, or none.
-#[inline(always)]
-fn mask_of(is: bool) -> u32 {
-    u32::from(is).wrapping_neg()
+/// The highest steps, and the neighbours most likely to exceed the limit, in four parts.
+struct Worst {
+    step: Lanes,
+    /// as of [`Columns`]
+    margin: Lanes,
+    spread: Lanes,
 }
 
-/// `a` where the mask has all bits, else `b`: no compiler makes a branch of it.
-#[inline(always)]
-fn select(mask: u32, a: f32, b: f32) -> f32 {
-    f32::from_bits((a.to_bits() & mask) | (b.to_bits() & !mask))
-}
-
-/// P(|Δ| > limit) for Δ ~ N(mean, variance); 0 below 10⁻⁸.
-fn exceeds(mean: f32, variance: f32, limit: f32) -> f32 {
-    if variance <= 0.0 {
-        return if mean > limit { 1.0 } else { 0.0 };
+impl Worst {
+    /// Nothing but a cell whose elevation differs by 0, with this variance.
+    fn unseen(limit: f32, spread: f32) -> Self {
+        Worst {
+            step: Lanes::ZERO,
+            margin: Lanes::splat(limit * limit),
+            spread: Lanes::splat(spread),
+        }
     }
+
+    #[inline(always)]
+    fn meet(&mut self, columns: &Columns) {
+        self.step = self.step.fast_max(columns.step);
+        let worse = (columns.margin * self.spread).simd_lt(self.margin * columns.spread);
+        self.margin = worse.select(columns.margin, self.margin);
+        self.spread = worse.select(columns.spread, self.spread);
+    }
+
+    /// The highest step; margin and spread of the worst neighbour.
+    fn of_all(&self) -> (f32, [f32; 2]) {
+        let [steps, margins, spreads] = [self.step, self.margin, self.spread].map(Lanes::to_array);
+        let step = steps
+            .into_iter()
+            .fold(0.0, |a, b| if b > a { b } else { a });
+        let worse = |a: [f32; 2], b: [f32; 2]| if b[0] * a[1] < a[0] * b[1] { b } else { a };
+        let of = |i: usize| [margins[i], spreads[i]];
+        (step, worse(worse(of(0), of(1)), worse(of(2), of(3))))
+    }
+}
+
+/// P(|Δ| > limit) for Δ ~ N(mean, variance), where `margin` is (limit − mean) |limit − mean|;
+/// 0 below 10⁻⁸.
+fn exceeds(margin: f32, variance: f32, limit: f32) -> f32 {
+    let rest = math::sqrt(math::abs(margin));
+    let mean = if margin < 0.0 {
+        limit + rest
+    } else {
+        limit - rest
+    };
     let scale = 1.0 / math::sqrt(2.0 * variance);
     let tail = |x: f32| if x > 4.0 { 0.0 } else { math::erfc(x) };
     0.5 * (tail((limit - mean) * scale) + tail((limit + mean) * scale))
@@ -371,9 +467,7 @@ mod tests {
         for y in 0..SIDE {
             for x in 0..SIDE {
                 if let Some(z) = height(x as f32 * 0.1, y as f32 * 0.1) {
-                    patch.elevation[y][x] = z;
-                    patch.variance[y][x] = 1e-6;
-                    patch.mask[y][x] = 1.0;
+                    patch.set([x, y], [z, 1e-6]);
                 }
             }
         }
@@ -389,7 +483,7 @@ mod tests {
     #[test]
     fn a_plane_has_its_slope_and_the_step_of_its_window() {
         let patch = patch(|x, y| Some(5.0 + 0.3 * x - 0.4 * y));
-        for features in patch.row(3, &around(None)) {
+        for features in patch.row(3, &around(None)).map(Option::unwrap) {
             assert!((features.slope - 0.5f32.atan()).abs() < 1e-4);
             assert!((features.step - 0.15).abs() < 0.01, "{}", features.step);
             assert!(features.hidden_step < 1e-6);
@@ -399,7 +493,7 @@ mod tests {
     #[test]
     fn a_step_is_seen_from_its_neighbourhood_only() {
         let patch = patch(|x, _| Some(if x > 1.15 { 0.5 } else { 0.0 }));
-        let row = patch.row(0, &around(None));
+        let row = patch.row(0, &around(None)).map(Option::unwrap);
         // the tile begins at column 8; the wall stands between columns 11 and 12
         assert_eq!(row[0].step, 0.0);
         assert!((row[1].step - 0.5).abs() < 1e-6 && (row[6].step - 0.5).abs() < 1e-6);
@@ -415,16 +509,25 @@ mod tests {
             sigma,
             ..Roughness::default()
         };
-        let chance = |sigma| patch.row(4, &around(Some(&rough(sigma))))[2].hidden_step;
+        let chance = |sigma| {
+            patch.row(4, &around(Some(&rough(sigma))))[2]
+                .unwrap()
+                .hidden_step
+        };
         assert!(chance(0.05) < 1e-4);
         // σ(0.3 m) = 0.5 √0.3 = 0.274: P(|Δ| > 0.2) = erfc(0.2 / (0.274 √2)) = 0.465
         assert!((chance(0.5) - 0.465).abs() < 0.03, "{}", chance(0.5));
-        assert!(patch.row(0, &around(Some(&rough(0.5))))[0].hidden_step < 1e-4);
+        assert!(
+            patch.row(0, &around(Some(&rough(0.5))))[0]
+                .unwrap()
+                .hidden_step
+                < 1e-4
+        );
     }
 
     #[test]
     fn too_little_is_no_slope() {
         let patch = patch(|x, y| ((y - 1.2).abs() < 0.05 && x < 1.25).then_some(x));
-        assert!(patch.row(4, &around(None))[2].slope.is_nan());
+        assert!(patch.row(4, &around(None))[2].unwrap().slope.is_nan());
     }
 }

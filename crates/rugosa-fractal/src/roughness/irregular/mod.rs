@@ -143,7 +143,7 @@ fn fit(sums: &[Sums], bins: &Bins, region: &Region, options: &Options) -> Estima
     let observations: Vec<Observation> = sums
         .iter()
         .filter(|sums| sums.pairs >= LEAST_PAIRS)
-        .map(|sums| Observation::new(sums, bins.width, options.method))
+        .map(|sums| Observation::new(sums, options.method))
         .collect();
     let bins = sums
         .iter()

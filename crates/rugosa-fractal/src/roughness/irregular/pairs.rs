@@ -60,6 +60,8 @@ pub struct Sums {
     pub square: f64,
     /// Q = Σ d² \[m²\]
     pub distance: f64,
+    /// Σ d⁴ \[m⁴\]; of irregular points as if their distances filled the annulus evenly
+    pub quartic: f64,
 }
 
 impl Sums {
@@ -109,7 +111,7 @@ pub fn sums(points: &[[f64; 3]], bins: &Bins) -> Vec<Sums> {
     for row in 0..list.rows {
         list.visit_row(row, bins.high() as f32, &mut counter);
     }
-    counter.finish(bins.count)
+    counter.finish(bins.count, bins.width)
 }
 
 /// Fewer, and more candidates lie outside; more, and the stretches become short.
@@ -291,16 +293,22 @@ impl Counter {
         self.pending = 0;
     }
 
-    fn finish(mut self, count: usize) -> Vec<Sums> {
+    fn finish(mut self, count: usize, width: f64) -> Vec<Sums> {
         self.flush();
         let sums = |&[pairs, absolute, square, distance]: &[f64; 4]| Sums {
             pairs,
             absolute,
             square,
             distance,
+            quartic: quartic(pairs, distance, width),
         };
         self.total[1..=count].iter().map(sums).collect()
     }
+}
+
+/// Σ d⁴ of `pairs` distances, Σ d² given, that fill an annulus of this width evenly.
+fn quartic(pairs: f64, squares: f64, width: f64) -> f64 {
+    squares * (squares / pairs.max(1.0) + width * width / 3.0)
 }
 
 #[cfg(test)]
@@ -327,6 +335,9 @@ mod tests {
                     sums[bin].distance += d2;
                 }
             }
+        }
+        for sums in &mut sums {
+            sums.quartic = quartic(sums.pairs, sums.distance, bins.width);
         }
         sums
     }

@@ -48,8 +48,8 @@ pub struct Observation {
 }
 
 impl Observation {
-    /// The moments of an annulus of this width \[m\].
-    pub fn new(sums: &Sums, width: f64, method: Method) -> Self {
+    /// The moments of an annulus.
+    pub fn new(sums: &Sums, method: Method) -> Self {
         let square = sums.distance / sums.pairs;
         let mean = sums.absolute / sums.pairs;
         let (raw, variance) = match method {
@@ -58,7 +58,7 @@ impl Observation {
         };
         Observation {
             distance: libm::sqrt(square),
-            spread: width * width / (3.0 * square),
+            spread: sums.quartic / (sums.pairs * square * square) - 1.0,
             raw,
             pairs: sums.pairs,
             scatter: OWN_SCATTER * variance / sums.pairs,

@@ -99,6 +99,7 @@ fn add_offset(raster: &Raster, (x, y): (isize, usize), sums: &mut Sums) {
     sums.absolute += total[1];
     sums.square += total[2];
     sums.distance += total[0] * distance * distance;
+    sums.quartic += total[0] * libm::pow(distance, 4.0);
 }
 
 /// Pairs, Σ |Δz| and Σ Δz² of two rows; a NaN on either side is no pair.

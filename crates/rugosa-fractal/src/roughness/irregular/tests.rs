@@ -3,6 +3,7 @@ use crate::synthesis::{exact_fbm, exact_fbm_pair};
 use alloc::vec;
 use rand_core::{Rng, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
+use std::println;
 
 /// 5 % of the nodes of a surface, with white noise of this deviation.
 fn sample(heights: &[f32], noise: f64) -> Vec<[f64; 3]> {
@@ -33,6 +34,39 @@ fn options(noise: Noise) -> Options {
         max_lag: Some(30.0),
         noise,
         ..Options::default()
+    }
+}
+
+/// All pairs of a full raster, from neighbouring nodes on, where an annulus holds one or two
+/// distances: what they are matters.
+#[test]
+fn dimension_of_exact_rasters() {
+    for hurst in [0.2, 0.4, 0.6, 0.8] {
+        let surfaces: Vec<Vec<f32>> = (0..4)
+            .flat_map(|seed| exact_fbm_pair(256, hurst, seed))
+            .collect();
+        for noise in [Noise::Known(0.0), Noise::Fitted] {
+            let (mut bias, mut square, mut stated) = (0.0, 0.0, 0.0);
+            for values in &surfaces {
+                let raster = Raster {
+                    values,
+                    columns: 256,
+                    spacing: [1.0, 1.0],
+                };
+                let options = Options {
+                    noise,
+                    ..Options::default()
+                };
+                let law = estimate_raster(&raster, &options).law.unwrap();
+                bias += (law.hurst - hurst) / 8.0;
+                square += (law.hurst - hurst).powi(2) / 8.0;
+                stated += law.standard_error.powi(2) / 8.0;
+            }
+            let (rms, stated) = (square.sqrt(), stated.sqrt());
+            println!("H {hurst} {noise:?}: bias {bias:+.4}, rms {rms:.4}, stated {stated:.4}");
+            assert!(bias.abs() < 0.006, "{bias}");
+            assert!((0.5..1.3).contains(&(rms / stated)), "{rms} {stated}");
+        }
     }
 }
 
