@@ -9,7 +9,7 @@ where they are installed, and says so where they are not. Prints a Markdown tabl
 mean square error at the nodes that were not seen relative to the lag-1 deviation, D and the
 lag-1 structure function relative to the truth.
 
-Times: rugosa's is the `solve` of its own report; SciPy and pykrige are timed around the call;
+Times: the least of five where one takes less than two seconds. rugosa's is the `solve` of its own report; SciPy and pykrige are timed around the call;
 GMT and R include the start of their process.
 """
 import argparse, json, shutil, subprocess, tempfile, time
@@ -67,13 +67,15 @@ def kriging(points, size, hurst):
 
 SIMULATION = """
 library(gstat); library(sp)
-p <- read.table("{points}"); names(p) <- c("x", "y", "z"); coordinates(p) <- ~x+y
-g <- expand.grid(x = 0:{last}, y = 0:{last}); coordinates(g) <- ~x+y; gridded(g) <- TRUE
+p <- read.table("{points}"); names(p) <- c("x", "y", "z")
+g <- expand.grid(x = 0:{last}, y = 0:{last})
+g <- g[!(paste(g$x, g$y) %in% paste(p$x, p$y)), ]  # at the points themselves it returns NA
+coordinates(p) <- ~x+y; coordinates(g) <- ~x+y
 m <- vgm({sill}, "Exc", {range}, kappa = {power})
 start <- proc.time()[["elapsed"]]
 k <- krige(z ~ 1, p, g, m, nmax = 16, nsim = 1, debug.level = 0)
 cat(proc.time()[["elapsed"]] - start, "\\n")
-write.table(k$sim1, "{out}", row.names = FALSE, col.names = FALSE)
+write.table(cbind(coordinates(k), k$sim1), "{out}", row.names = FALSE, col.names = FALSE)
 """
 
 
@@ -84,7 +86,10 @@ def simulation(points, size, hurst, folder):
     script = SIMULATION.format(points=xyz, last=size - 1, power=2 * hurst, range=reach,
                                sill=0.5 * reach ** (2 * hurst), out=out)
     run = subprocess.run(["Rscript", "-e", script], check=True, capture_output=True, text=True)
-    return np.loadtxt(out).reshape(size, size), float(run.stdout.split()[-1])
+    z = np.full((size, size), np.nan)
+    for x, y, height in np.vstack([np.loadtxt(out), points]):
+        z[int(y), int(x)] = height
+    return z, float(run.stdout.split()[-1])
 
 
 def attempts(args, points, folder):
@@ -122,6 +127,8 @@ def main():
         for name, attempt in attempts(args, points, folder):
             try:
                 z, seconds = attempt()
+                if seconds < 2:
+                    seconds = min(seconds, *(attempt()[1] for _ in range(4)))
             except (ImportError, OSError, subprocess.CalledProcessError) as reason:
                 print(f"| {name} | not run: {reason} | | | |")
                 continue
