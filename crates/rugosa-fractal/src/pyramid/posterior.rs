@@ -201,8 +201,8 @@ impl<'m> Posterior<'m> {
         // the mean level's broad prior stands for ignorance: nothing to draw
         self.x[PLANE - 1] = 0.0;
         let (offset, weights) = (self.offset, core::mem::take(&mut self.weights));
-        self.residual(weights, |i, c| {
-            height(&data, i) - offset + amplitude * normal(rng) / math::sqrt(c)
+        self.residual(weights, |i, c, v| {
+            height(&data, i) - offset + amplitude * normal(rng) / math::sqrt(c) - v
         });
         self.weights = weights;
         widest(|| self.launch());
@@ -262,45 +262,36 @@ impl<'m> Posterior<'m> {
         first.map_or(0.0, |origin| origin + sum / weight)
     }
 
-    /// Residual, reference and first direction of a solve for the mean.
+    /// Residual, reference and first direction of a solve for the mean. The reference is the
+    /// energy xᵀ A x of the solution so far and that of what is missing, rᵀ M r ≈ eᵀ A e: from
+    /// nothing that of the solution to come.
     #[inline(always)]
     fn begin(&mut self, target: impl Fn(usize) -> f32) {
         let weights = core::mem::take(&mut self.weights);
-        // one closure: the residual is compiled once
-        let mut target = |i: usize, _: f32| target(i);
-        if !self.cold {
-            core::mem::swap(&mut self.x, &mut self.p);
-            self.x.fill(0.0);
-            self.residual(weights, &mut target);
-            self.precondition();
-            self.reference = dot(self.r, self.z);
-            core::mem::swap(&mut self.x, &mut self.p);
-        }
-        self.residual(weights, &mut target);
+        let mut energy = dot(self.x, self.x);
+        self.residual(weights, |i, c, v| {
+            energy += c * v * v;
+            target(i) - v
+        });
         self.weights = weights;
         for (r, x) in self.r.iter_mut().zip(self.x.iter()) {
             *r -= x;
         }
         self.launch();
-        if self.cold {
-            self.reference = self.rz;
-        }
+        self.reference = self.rz + energy;
     }
 
-    /// r = Pᵀ c (target − P x): the data's part of the residual.
+    /// r = Pᵀ c (target − P x): the data's part of the residual. `off(i, c, v)` is what cell
+    /// `i` of weight `c` lies above its value `v`.
     #[cfg_attr(feature = "simd", inline(always))]
-    fn residual(&mut self, weights: &mut [f32], mut target: impl FnMut(usize, f32) -> f32) {
+    fn residual(&mut self, weights: &mut [f32], mut off: impl FnMut(usize, f32, f32) -> f32) {
         let (shape, top) = (self.shape, self.shape.top);
         expand(&shape, self.s, self.x, self.u, top);
         add_noise(self.s, self.x, self.u, top);
         let from = (&self.u[Shape::level(top)], Shape::size(top));
         let to = &mut self.r[Shape::level(top)];
         pass(from, self.rows, to, weights, |i, c, v| {
-            if *c > 0.0 {
-                *c * (target(i, *c) - v)
-            } else {
-                0.0
-            }
+            if *c > 0.0 { *c * off(i, *c, v) } else { 0.0 }
         });
         gather(&shape, self.s, self.r, top, self.rows);
     }

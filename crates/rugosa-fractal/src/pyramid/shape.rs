@@ -34,7 +34,7 @@ impl Shape {
             return None;
         }
         let top = (side - 1).trailing_zeros() as usize - 2;
-        let dense = if side > 65 { 3 } else { 1 };
+        let dense = if side > 65 { 2 } else { 1 };
         Some(Shape { side, top, dense })
     }
 
