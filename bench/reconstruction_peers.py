@@ -46,9 +46,9 @@ def gmt_surface(points, size, folder):
     np.savetxt(xyz, points)
     start = time.perf_counter()
     subprocess.run(["gmt", "surface", xyz, f"-R0/{size - 1}/0/{size - 1}", "-I1", "-T0.25", f"-G{grid}"],
-                   check=True, capture_output=True)
+                   check=True, capture_output=True, cwd=folder)  # it leaves a gmt.history
     seconds = time.perf_counter() - start
-    text = subprocess.run(["gmt", "grd2xyz", grid], check=True, capture_output=True, text=True).stdout
+    text = subprocess.run(["gmt", "grd2xyz", grid], check=True, capture_output=True, text=True, cwd=folder).stdout
     rows = np.array([line.split() for line in text.splitlines()], float)
     z = np.full((size, size), np.nan)
     z[rows[:, 1].round().astype(int), rows[:, 0].round().astype(int)] = rows[:, 2]

@@ -61,7 +61,8 @@ pub struct Intake {
 pub struct Progress {
     /// iterations done by this call
     pub iterations: usize,
-    /// length of the residual (in the preconditioner's norm) relative to that at w = 0
+    /// length of the residual (in the preconditioner's norm) relative to the energy norm of
+    /// the solution; from nothing that is its length at w = 0
     pub residual: f32,
 }
 
@@ -318,7 +319,7 @@ impl<'m> Posterior<'m> {
         self.rz = 0.0;
     }
 
-    /// Length of the residual relative to that at w = 0; 0 when there is nothing to solve.
+    /// Length of the residual relative to the solution's; 0 when there is nothing to solve.
     fn relative(&self) -> f32 {
         if self.reference > 0.0 {
             math::sqrt(self.rz / self.reference)
