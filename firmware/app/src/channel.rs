@@ -3,7 +3,7 @@
 //! Nothing here waits. A frame is made only when the one before has gone, so a slow
 //! listener slows down what is made for it and nothing else.
 
-use crate::design_parameters::CHUNK;
+use crate::design_parameters::{CHUNK, LINES_GRANTED, lines_granted};
 use crate::platform::Port;
 use core::ops::Range;
 use rugosa_wire::{Event, Hello, Link, MAX_FRAME, Message, Role, SelfTest, Unsent};
@@ -19,19 +19,24 @@ pub struct Channel {
     output: [u8; MAX_FRAME],
     unsent: Range<usize>,
     errors: u32,
+    /// of the lines and tables so far, bytes
+    longest: usize,
 }
 
 impl Channel {
     /// A channel that will greet with `hello`.
     pub fn new(hello: Hello, session: u32) -> Self {
+        let mut link = Link::new(hello, session);
+        link.offer(LINES_GRANTED);
         Channel {
-            link: Link::new(hello, session),
+            link,
             self_test: SelfTest::default(),
             input: [0; CHUNK],
             unread: 0..0,
             output: [0; MAX_FRAME],
             unsent: 0..0,
             errors: 0,
+            longest: 0,
         }
     }
 
@@ -47,6 +52,21 @@ impl Channel {
         let event = self.link.receive(&mut rest, now_us);
         self.unread.start = self.unread.end - rest.len();
         event
+    }
+
+    /// Offers room for as many lines as the queue holds: after a sweep, of the longest so
+    /// far; before, of the longest there are.
+    pub fn offer(&mut self, message: &Message) {
+        self.longest = self.longest.max(long_bytes(message));
+        if let Message::SweepEnd(_) = message {
+            self.link.offer(lines_granted(self.longest));
+        }
+    }
+
+    /// Another scanner may send longer lines.
+    pub fn offer_afresh(&mut self) {
+        self.longest = 0;
+        self.link.offer(LINES_GRANTED);
     }
 
     /// Is it connected to a peer of this role?
@@ -88,5 +108,15 @@ impl Channel {
             let _ = self.send(&message, now_us); // without a connection nobody waits for it
         }
         !self.is_idle()
+    }
+}
+
+/// Most bytes of the frame of a long message; 0 of others.
+fn long_bytes(message: &Message) -> usize {
+    const REST: usize = 48; // header, other fields, checksum, delimiters
+    match message {
+        Message::Line(line) => line.ranges.len() + line.reflectances.len() + REST,
+        Message::BeamTable(table) => 5 * table.angles_urad.len() + REST,
+        _ => 0,
     }
 }

@@ -8,8 +8,11 @@ pub const PORTS: usize = 2;
 /// Bytes taken from a port at a time: 22 ms of a line at 115,200 Bd.
 pub const CHUNK: usize = 256;
 
-/// Scan lines that may be under way to us or wait in the receive queue.
+/// Scan lines that may be under way to us or wait in the receive queue, however long.
 pub const LINES_GRANTED: u16 = 3;
+
+/// The same at most, when lines have been short for a sweep.
+const MOST_LINES_GRANTED: usize = 8;
 
 /// Bytes of poses and the like that may come with each line.
 const BESIDE_A_LINE: usize = 128;
@@ -17,6 +20,13 @@ const BESIDE_A_LINE: usize = 128;
 /// Bytes a board's receive queue must hold: lines can then never overrun it. The next
 /// power of two is 4096.
 pub const RECEIVE_QUEUE: usize = LINES_GRANTED as usize * (MAX_FRAME + BESIDE_A_LINE);
+
+/// Lines of which none is longer than `longest` bytes that fit the queue. At 115,200 Bd the
+/// work after a sweep takes longer than three lines of 256 returns are under way.
+pub fn lines_granted(longest: usize) -> u16 {
+    let fit = RECEIVE_QUEUE / (longest + BESIDE_A_LINE);
+    fit.clamp(LINES_GRANTED.into(), MOST_LINES_GRANTED) as u16
+}
 
 /// Time between two status messages while nothing happens.
 pub const STATUS_US: u64 = 1_000_000;

@@ -6,7 +6,7 @@
 //! the scanner's credit bridge the gap, so that no line is lost however long it takes.
 
 use crate::channel::Channel;
-use crate::design_parameters::{LINES_GRANTED, PORTS};
+use crate::design_parameters::PORTS;
 use crate::mapping::Costs;
 use crate::platform::Platform;
 use crate::report::Report;
@@ -37,11 +37,7 @@ impl<'m, P: Platform> Module<'m, P> {
         hello.map_side = mapper.window().side() as u16;
         hello.resolution_um = (mapper.config().resolution * 1e6) as u32;
         let session = platform.session();
-        let channels = core::array::from_fn(|_| {
-            let mut channel = Channel::new(hello.clone(), session);
-            channel.link.offer(LINES_GRANTED);
-            channel
-        });
+        let channels = core::array::from_fn(|_| Channel::new(hello.clone(), session));
         Module {
             platform,
             channels,
@@ -108,6 +104,7 @@ impl<'m, P: Platform> Module<'m, P> {
         );
         if scanner && !resumed {
             self.mapper.new_session();
+            self.channels[side].offer_afresh();
         }
         if host {
             self.report.status_is_due();
@@ -125,6 +122,7 @@ impl<'m, P: Platform> Module<'m, P> {
             }
             message if self.channels[side].self_test.take(message) => {}
             message => {
+                self.channels[side].offer(message);
                 if self.costs.take(&self.platform, &mut self.mapper, message) {
                     self.report.status_is_due();
                 }
