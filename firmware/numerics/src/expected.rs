@@ -8,3 +8,6 @@ pub const EXPONENTIALS: u32 = 0x78f9dac8;
 pub const POWERS: u32 = 0x5e9e36f3;
 pub const ERROR_FUNCTION: u32 = 0x0d560c73;
 pub const ROUNDING: u32 = 0xff4abdcb;
+pub const CODEC_EXACT: u32 = 0x9df64c81;
+pub const CODEC_ROUNDED: u32 = 0xa711a3db;
+pub const CODEC_QUICK: u32 = 0xd620dce6;

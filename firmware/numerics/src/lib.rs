@@ -7,6 +7,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+mod codec;
 #[rustfmt::skip]
 mod expected;
 mod fold;
@@ -49,4 +50,7 @@ pub const CHECKS: &[Check] = checks! {
     "powers" math::powers, POWERS;
     "complementary error function" math::error_function, ERROR_FUNCTION;
     "rounding" math::rounding, ROUNDING;
+    "codec, exact" codec::exact, CODEC_EXACT;
+    "codec, rounded coefficients" codec::rounded, CODEC_ROUNDED;
+    "codec, quick" codec::quick, CODEC_QUICK;
 };
