@@ -333,7 +333,8 @@ impl<M: Iterator<Item = Message>> Bench<M> {
         let moves = [Layer::Mean, Layer::StandardDeviation, Layer::Realisation];
         let exact = LAYERS.iter().filter(|d| !moves.contains(&d.layer));
         for description in exact {
-            for cell in twin.mapper().window().cells() {
+            let cells = twin.mapper().window().cells();
+            for cell in cells.filter(|&cell| twin.is_complete(cell)) {
                 let Some(sent) = self.listener.map.value(description.layer, cell) else {
                     continue;
                 };

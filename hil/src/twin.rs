@@ -2,15 +2,18 @@
 //! bytes.
 
 use crate::fingerprint;
-use rugosa::{Config, Mapper, Planes65, Solver65};
+use rugosa::{Config, Layer, Mapper, Planes65, Solver65};
+use rugosa_grid::Cell;
 use rugosa_wire::{Event, Hello, Link, Message, Role, counter};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 /// A link and a mapper of the host in the place of the module's.
 pub struct Twin {
     link: Link,
     mapper: Mapper<'static>,
     digests: BTreeMap<u32, u32>,
+    /// bits of what cells held when the last sweep was complete
+    complete: HashMap<[i32; 2], [u32; 3]>,
     /// fingerprints of the lines that came through
     pub lines: Vec<u64>,
 }
@@ -26,6 +29,7 @@ impl Twin {
             link: Link::new(Hello::new(Role::Module, "twin", ""), session),
             mapper: mapper.unwrap_or_else(|error| unreachable!("{error}")),
             digests: BTreeMap::new(),
+            complete: HashMap::new(),
             lines: Vec::new(),
         }
     }
@@ -49,7 +53,22 @@ impl Twin {
         if self.mapper.message(message).is_some() {
             let sweeps = self.mapper.counters().get(counter::SWEEPS);
             self.digests.insert(sweeps, self.mapper.digest());
+            let cells = self.mapper.window().cells();
+            self.complete = cells
+                .map(|cell| ([cell.x, cell.y], self.bits(cell)))
+                .collect();
         }
+    }
+
+    fn bits(&self, cell: Cell) -> [u32; 3] {
+        [Layer::Elevation, Layer::Variance, Layer::State]
+            .map(|layer| self.mapper.value(layer, cell).to_bits())
+    }
+
+    /// Is a cell as it was when the last sweep was complete? Where the end of a sweep got
+    /// lost, what its lines changed is told after the next one.
+    pub fn is_complete(&self, cell: Cell) -> bool {
+        self.complete.get(&[cell.x, cell.y]) == Some(&self.bits(cell))
     }
 
     /// The digest of the map when so many sweeps were complete.
