@@ -201,7 +201,7 @@ fn a_quick_map_is_a_fifth_longer() {
         "coded {}, quick {} bytes: {ratio:.3}",
         coded.bytes, quick.bytes
     );
-    assert!((1.1..1.3).contains(&ratio), "{ratio}");
+    assert!((1.15..1.25).contains(&ratio), "{ratio}");
 }
 
 #[test]

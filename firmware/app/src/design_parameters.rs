@@ -17,11 +17,12 @@ const MOST_LINES_GRANTED: usize = 8;
 /// Bytes of poses and the like that may come with each line.
 const BESIDE_A_LINE: usize = 128;
 
-/// Bytes a board's receive queue must hold: lines can then never overrun it. The next
+/// Bytes a board's receive queue must hold: [`LINES_GRANTED`] lines never overrun it. The next
 /// power of two is 4096.
 pub const RECEIVE_QUEUE: usize = LINES_GRANTED as usize * (MAX_FRAME + BESIDE_A_LINE);
 
-/// Lines of which none is longer than `longest` bytes that fit the queue. At 115,200 Bd the
+/// Lines of which none is longer than `longest` bytes that fit the queue. Should a scanner
+/// send longer ones later, those that find no room are counted as overrun. At 115,200 Bd the
 /// work after a sweep takes longer than three lines of 256 returns are under way.
 pub fn lines_granted(longest: usize) -> u16 {
     let fit = RECEIVE_QUEUE / (longest + BESIDE_A_LINE);

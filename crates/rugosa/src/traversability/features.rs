@@ -47,7 +47,7 @@ const LANES: usize = 4;
 const SIDE: usize = (TILE + 2 * REACH) as usize;
 /// Columns of the widest disc, in fours.
 const WIDTH: usize = (2 * REACH as usize + 1).next_multiple_of(LANES);
-const LONG: usize = TILE as usize - 1 + WIDTH + 1;
+const LONG: usize = TILE as usize + WIDTH;
 
 /// What the ground around a cell is like.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,6 +69,7 @@ pub(crate) struct Patch([Strip; SIDE]);
 #[derive(Clone, Copy)]
 struct Strip {
     elevation: [f32; LONG],
+    /// above 0 where measured, else 0
     variance: [f32; LONG],
     /// bit x: measured?
     measured: u32,
@@ -191,7 +192,7 @@ impl Patch {
     fn set(&mut self, [x, y]: [usize; 2], [elevation, variance]: [f32; 2]) {
         let strip = &mut self.0[y];
         strip.elevation[x] = elevation;
-        strip.variance[x] = variance;
+        strip.variance[x] = variance + TINY;
         strip.measured |= 1 << x;
     }
 
@@ -206,10 +207,7 @@ impl Patch {
 
     fn cell(&self, [row, column]: [usize; 2], around: &Around) -> Features {
         let [row, column] = [row, column].map(|i| i + REACH as usize);
-        let (elevation, variance) = (
-            self.0[row].elevation[column],
-            self.0[row].variance[column] + TINY,
-        );
+        let (elevation, variance) = (self.0[row].elevation[column], self.0[row].variance[column]);
         let radius = around.radius as usize;
         let (rows, left) = (&self.0[row - radius..][..2 * radius + 1], column - radius);
         let mut measured = [0; 2 * REACH as usize + 1];
@@ -461,6 +459,7 @@ fn exceeds(margin: f32, variance: f32, limit: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     fn patch(height: impl Fn(f32, f32) -> Option<f32>) -> Patch {
         let mut patch = Patch::new();
@@ -523,6 +522,96 @@ mod tests {
                 .hidden_step
                 < 1e-4
         );
+    }
+
+    /// Slope, step and quotient of the worst neighbour by their definitions, in f64.
+    fn defined(
+        z: impl Fn(i32, i32) -> Option<[f64; 2]>,
+        [x0, y0]: [i32; 2],
+        around: &Around,
+    ) -> [f64; 3] {
+        let Some([z0, v0]) = z(x0, y0) else {
+            panic!("measured");
+        };
+        let (mut sums, mut rest) = ([0.0f64; 9], f64::INFINITY);
+        let mut step = 0.0f64;
+        let reach = around.radius;
+        let disc = (-reach..=reach).flat_map(|y| (-reach..=reach).map(move |x| [x, y]));
+        for [x, y] in disc.filter(|[x, y]| x * x + y * y <= reach * reach + 1) {
+            let (dx, dy) = (f64::from(x), f64::from(y));
+            let (rise, spread) = match z(x0 + x, y0 + y) {
+                Some([z1, v1]) => {
+                    let dz = z1 - z0;
+                    let terms = [1.0, dx, dy, dz, dx * dx, dx * dy, dy * dy, dx * dz, dy * dz];
+                    sums.iter_mut().zip(terms).for_each(|(s, t)| *s += t);
+                    step = step.max(dz.abs());
+                    (dz.abs(), v0 + v1)
+                }
+                None => {
+                    let hidden = around.hidden[(x * x + y * y) as usize];
+                    (0.0, v0 + f64::from(hidden))
+                }
+            };
+            if [x, y] != [0, 0] {
+                let limit = f64::from(around.limit);
+                rest = rest.min((limit - rise) / (spread + 2.0 * f64::from(TINY)).sqrt());
+            }
+        }
+        let [n, x, y, z, xx, xy, yy, xz, yz] = sums;
+        let (xx, xy, yy) = (xx - x * x / n, xy - x * y / n, yy - y * y / n);
+        let (xz, yz) = (xz - x * z / n, yz - y * z / n);
+        let det = xx * yy - xy * xy;
+        let slope = ((xz * yy - yz * xy) / det).hypot((yz * xx - xz * xy) / det);
+        let slope = (slope / f64::from(around.resolution)).atan();
+        let is_plane = n >= f64::from(LEAST) && det >= 0.1;
+        [if is_plane { slope } else { f64::NAN }, step, rest]
+    }
+
+    proptest! {
+        #[test]
+        fn features_are_those_of_the_definition(
+            seed: u32, seen in 1u32..=8, window in 0.05f32..0.9, sigma in 0.0f32..0.6, noisy: bool
+        ) {
+            let noise = |x: i32, y: i32, salt: u32| {
+                let mut h = (x as u32).wrapping_mul(0x9e37_79b9) ^ (y as u32).wrapping_mul(0x85eb_ca6b) ^ seed ^ salt;
+                h = (h ^ h >> 15).wrapping_mul(0x2c1b_3c6d);
+                h = (h ^ h >> 12).wrapping_mul(0x297a_2d39);
+                h ^ h >> 15
+            };
+            let unit = |h: u32| (h >> 8) as f32 / 16_777_216.0;
+            // variance 0 is allowed
+            let at = |x: i32, y: i32| (noise(x, y, 1) % 8 < seen).then(|| {
+                let variance = if noisy { 0.01 * unit(noise(x, y, 2)) } else { 0.0 };
+                [3.0 + 0.03 * x as f32 + 0.2 * unit(noise(x, y, 3)), variance]
+            });
+            let limits = Limits { window, ..Limits::default() };
+            let rough = Roughness { hurst: 0.6, sigma, ..Roughness::default() };
+            let around = Around::new(0.1, &limits, Some(&rough));
+            let mut patch = Patch::new();
+            let (low, high) = (REACH - around.margin(), TILE + REACH + around.margin());
+            for (y, x) in (low..high).flat_map(|y| (low..high).map(move |x| (y, x))) {
+                if let Some(ground) = at(x, y) {
+                    patch.set([x as usize, y as usize], ground);
+                }
+            }
+            for row in 0..TILE {
+                for (column, found) in patch.row(row as usize, &around).into_iter().enumerate() {
+                    let place = [column as i32 + REACH, row + REACH];
+                    prop_assert_eq!(found.is_some(), at(place[0], place[1]).is_some());
+                    let Some(found) = found else { continue };
+                    let exact = |x, y| at(x, y).map(|ground| ground.map(f64::from));
+                    let [slope, step, rest] = defined(exact, place, &around);
+                    prop_assert_eq!(found.slope.is_nan(), slope.is_nan());
+                    prop_assert!(slope.is_nan() || (f64::from(found.slope) - slope).abs() < 1e-3, "{} {slope}", found.slope);
+                    prop_assert!((f64::from(found.step) - step).abs() < 1e-5);
+                    let tail = |x: f64| 0.5 * f64::from(math::erfc((x / 2f64.sqrt()) as f32));
+                    // the tail beyond −limit is less than the one beyond the limit
+                    let (least, most) = (tail(rest), 2.0 * tail(rest));
+                    let chance = f64::from(found.hidden_step);
+                    prop_assert!((least - 1e-3..=most + 1e-3).contains(&chance), "{chance}: {least} {most}");
+                }
+            }
+        }
     }
 
     #[test]
