@@ -22,6 +22,7 @@ pub mod clock;
 pub mod device;
 pub mod faults;
 pub mod geometry;
+mod monitor;
 pub mod player;
 pub mod port;
 pub mod qemu;

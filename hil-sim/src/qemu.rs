@@ -11,8 +11,7 @@
 //! - Baud rates mean nothing to QEMU; pace the cable to get a realistic line.
 //! - Linux only, as the death signal and the pseudo-terminals are.
 
-use std::io::{Read, Write};
-use std::os::unix::net::UnixStream;
+use std::io::Read;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -24,6 +23,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, anyhow, bail};
 use rustix::process::{Pid, Signal, kill_process, set_parent_process_death_signal};
 
+use crate::monitor::Monitor;
 use crate::port::{Cable, CableSettings, End};
 
 const PROGRAM: &str = "qemu-system-arm";
@@ -59,7 +59,8 @@ pub struct Emulator {
     log: Arc<Mutex<Capture>>,
     complaints: Arc<Mutex<Capture>>,
     keeper: Option<JoinHandle<()>>,
-    folder: tempfile::TempDir,
+    monitor: Mutex<Monitor>,
+    _folder: tempfile::TempDir,
 }
 
 /// Bytes up to a limit.
@@ -122,7 +123,8 @@ impl Emulator {
             log,
             complaints,
             keeper: Some(keeper),
-            folder,
+            monitor: Mutex::new(Monitor::at(monitor_path(folder.path()))),
+            _folder: folder,
         })
     }
 
@@ -211,14 +213,17 @@ impl Emulator {
         exit
     }
 
+    /// The word that the processor would read at this address, devices included.
+    pub fn word(&self, address: u32) -> Result<u32> {
+        let answer = lock(&self.monitor).command(&format!("xp /1wx {address:#x}"))?;
+        let digits = answer.rsplit(": 0x").next().unwrap_or_default();
+        let digits = digits.get(..8).unwrap_or_default();
+        u32::from_str_radix(digits, 16)
+            .with_context(|| format!("the emulator's monitor says {answer:?}"))
+    }
+
     fn monitor(&self, command: &str) -> Result<()> {
-        let path = monitor_path(self.folder.path());
-        let mut monitor =
-            UnixStream::connect(path).context("cannot reach the emulator's monitor")?;
-        monitor.set_read_timeout(Some(Duration::from_secs(10)))?;
-        read_prompt(&mut monitor)?;
-        writeln!(monitor, "{command}").context("cannot command the emulator")?;
-        read_prompt(&mut monitor)
+        lock(&self.monitor).command(command).map(drop)
     }
 }
 
@@ -239,18 +244,6 @@ impl From<ExitStatus> for Exit {
 
 fn monitor_path(folder: &Path) -> PathBuf {
     folder.join("monitor")
-}
-
-/// QEMU's monitor says `(qemu) ` when it waits for a command.
-fn read_prompt(monitor: &mut UnixStream) -> Result<()> {
-    let (mut said, mut byte) = (Vec::new(), [0]);
-    while !said.ends_with(b"(qemu) ") {
-        monitor
-            .read_exact(&mut byte)
-            .context("the emulator's monitor does not answer")?;
-        said.push(byte[0]);
-    }
-    Ok(())
 }
 
 fn command(settings: &EmulatorSettings, cables: &[Cable; UARTS], folder: &Path) -> Command {
@@ -340,7 +333,7 @@ fn collect(pipe: Option<impl Read>, capture: &Mutex<Capture>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::io::{BufRead, BufReader};
+    use std::io::{BufRead, BufReader, Write};
 
     /// Machine code for address 0: says `h` on UART 0 and `L` in the log, waits for a
     /// byte on UART 1 and exits with it. Timer 1 runs with a period of a millisecond:
@@ -421,6 +414,16 @@ mod tests {
             assert_eq!(hear(&emulator), b'h');
             emulator.reset().unwrap();
             assert_eq!(hear(&emulator), b'h');
+        });
+    }
+
+    #[test]
+    fn its_memory_and_devices_can_be_read() {
+        with_program(|emulator| {
+            assert_eq!(hear(&emulator), b'h');
+            assert_eq!(emulator.word(0).unwrap(), PROGRAM[0]);
+            assert_eq!(emulator.word(0x4000_1008).unwrap(), 25_000, "timer 1");
+            assert!(emulator.word(0xf000_0000).is_err(), "nothing is there");
         });
     }
 

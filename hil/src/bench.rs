@@ -1,5 +1,6 @@
 //! The loop that moves the bytes.
 
+use crate::board_clock::BoardClock;
 use crate::feeder::Feeder;
 use crate::listener::Listener;
 use crate::log::{Entry, Log};
@@ -32,6 +33,8 @@ pub struct Settings {
     pub to_module: Faults,
     /// from the module to the scanner
     pub from_module: Faults,
+    /// do scanner and line go by the board's clock instead of the computer's?
+    pub in_board_time: bool,
 }
 
 /// A running experiment.
@@ -56,6 +59,9 @@ pub struct Bench<M> {
     before_greeting: Vec<u8>,
     cut: u64,
     clock: RealClock,
+    board_clock: Option<BoardClock>,
+    /// of scanner and line
+    time: Duration,
     log: Log,
 }
 
@@ -84,13 +90,23 @@ impl<M: Iterator<Item = Message>> Bench<M> {
             before_greeting: Vec::new(),
             cut: 0,
             clock: RealClock::start(),
+            board_clock: settings.in_board_time.then(BoardClock::default),
+            time: Duration::ZERO,
             log,
         })
     }
 
-    /// Time since the start.
+    /// Time since the start, for scanner and line.
     pub fn now(&self) -> Duration {
-        self.clock.now()
+        self.time
+    }
+
+    fn look_at_the_clock(&mut self) -> Result<()> {
+        self.time = match &mut self.board_clock {
+            Some(clock) => clock.now(&self.emulator)?,
+            None => self.clock.now(),
+        };
+        Ok(())
     }
 
     /// What was injected on the way to the module and back.
@@ -103,8 +119,6 @@ impl<M: Iterator<Item = Message>> Bench<M> {
 
     /// Moves what can be moved now; naps when that is nothing.
     pub fn turn(&mut self) -> Result<()> {
-        let moved =
-            self.hear_scanner_port()? + self.feed()? + self.hear_host_port()? + self.ask()?;
         let (bytes, _) = self.emulator.take_log();
         self.entries.extend(self.log.take(&bytes));
         if let Some(exit) = self.emulator.exit()? {
@@ -113,22 +127,25 @@ impl<M: Iterator<Item = Message>> Bench<M> {
                 self.emulator.complaints()
             );
         }
+        self.look_at_the_clock()?;
+        let moved =
+            self.hear_scanner_port()? + self.feed()? + self.hear_host_port()? + self.ask()?;
         if moved == 0 {
             std::thread::sleep(NAP);
         }
         Ok(())
     }
 
-    /// Turns until `done`; an error after `limit`.
+    /// Turns until `done`; an error after `limit` of the computer's time.
     pub fn until(
         &mut self,
         what: &str,
         limit: Duration,
         done: impl Fn(&Self) -> bool,
     ) -> Result<()> {
-        let end = self.now() + limit;
+        let end = self.clock.now() + limit;
         while !done(self) {
-            if self.now() > end {
+            if self.clock.now() > end {
                 let last = self.entries.last().map(Entry::to_string);
                 bail!("not within {limit:?}: {what}; the module's last words: {last:?}");
             }
@@ -137,10 +154,10 @@ impl<M: Iterator<Item = Message>> Bench<M> {
         Ok(())
     }
 
-    /// Turns for some time.
+    /// Turns for some time of the computer.
     pub fn for_a_while(&mut self, time: Duration) -> Result<()> {
-        let end = self.now() + time;
-        while self.now() < end {
+        let end = self.clock.now() + time;
+        while self.clock.now() < end {
             self.turn()?;
         }
         Ok(())
@@ -389,7 +406,8 @@ impl<M: Iterator<Item = Message>> Bench<M> {
             instructions_per_return: f64::from(per_sweep) / f64::from(returns.max(1)),
             stack: at(counter::STACK_PEAK),
             queue: at(counter::QUEUE_PEAK),
-            seconds: self.now().as_secs_f64(),
+            seconds: self.clock.now().as_secs_f64(),
+            board_seconds: self.board_clock.map(|_| self.time.as_secs_f64()),
             counters: counter::NAMES
                 .iter()
                 .enumerate()

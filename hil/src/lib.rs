@@ -15,6 +15,7 @@
 //! One thread, no shared state: [`Bench::turn`] moves what can be moved and returns.
 
 mod bench;
+mod board_clock;
 pub mod costs;
 mod feeder;
 mod fingerprint;

@@ -50,6 +50,9 @@ pub struct Summary {
     pub queue: u32,
     /// duration of the run
     pub seconds: f64,
+    /// the same by the board's clock, where the scanner went by it
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub board_seconds: Option<f64>,
     /// all counters of the module by name
     pub counters: BTreeMap<&'static str, u32>,
     /// resets of the module during the run

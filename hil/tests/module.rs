@@ -3,7 +3,7 @@
 //! Needs QEMU and the image; `cargo xtask hil` builds it and runs these.
 
 use anyhow::{Context, Result, ensure};
-use rugosa_hil::{Bench, Log, Scene, Settings, Summary, image};
+use rugosa_hil::{Bench, Log, Scene, Schedule, Settings, Summary, image};
 use rugosa_hil_sim::faults::Faults;
 use rugosa_hil_sim::qemu::{Emulator, EmulatorSettings, Exit};
 use rugosa_numerics::CHECKS;
@@ -25,6 +25,7 @@ fn bench(scene: Scene, to_module: Faults) -> Result<Bench<impl Iterator<Item = M
         image: image("mps2-an386")?,
         to_module,
         from_module: Faults::default(),
+        in_board_time: false,
     };
     let mut bench = Bench::start(settings, description, messages)?;
     bench.connect()?;
@@ -55,6 +56,37 @@ fn on_a_perfect_line_nothing_is_lost_and_every_bit_agrees() -> Result<()> {
     );
     assert!(summary.parity.values > 4_000, "{}", summary.parity.values);
     assert_eq!(summary.restarts, 0);
+    Ok(())
+}
+
+/// The module's work after a sweep takes up to half a second, in which six lines come.
+#[test]
+#[ignore = "cargo xtask hil"]
+fn no_line_waits_for_the_work_after_a_sweep() -> Result<()> {
+    let scene = Scene {
+        lines: 64,
+        columns: 256,
+        sweeps: 2,
+        ..SCENE
+    };
+    let (description, messages) = scene.messages()?;
+    let settings = Settings {
+        image: image("mps2-an386")?,
+        to_module: Faults::paced(115_200),
+        from_module: Faults::paced(115_200),
+        in_board_time: true,
+    };
+    let mut bench = Bench::start(settings, description, messages)?;
+    bench.feeder.schedule = Some(Schedule::new(83_333));
+    bench.finish(LONG)?;
+    let summary = bench.summary();
+    assert!(summary.parity.equal, "{summary:#?}");
+    assert_eq!((summary.lines.received, summary.lines.lost), (128, 0));
+    assert_eq!(
+        summary.lines.lateness.map(|l| l.late),
+        Some(0),
+        "{summary:#?}"
+    );
     Ok(())
 }
 

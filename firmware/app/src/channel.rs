@@ -54,11 +54,11 @@ impl Channel {
         event
     }
 
-    /// Offers room for as many lines as the queue holds: after a sweep, of the longest so
-    /// far; before, of the longest there are.
+    /// Offers room for as many lines as the queue holds: from the first line on, of the
+    /// longest so far; before, of the longest there are.
     pub fn offer(&mut self, message: &Message) {
         self.longest = self.longest.max(long_bytes(message));
-        if let Message::SweepEnd(_) = message {
+        if let Message::Line(_) = message {
             self.link.offer(lines_granted(self.longest));
         }
     }

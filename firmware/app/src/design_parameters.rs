@@ -9,21 +9,21 @@ pub const PORTS: usize = 2;
 pub const CHUNK: usize = 256;
 
 /// Scan lines that may be under way to us or wait in the receive queue, however long.
-pub const LINES_GRANTED: u16 = 3;
+pub const LINES_GRANTED: u16 = 6;
 
-/// The same at most, when lines have been short for a sweep.
-const MOST_LINES_GRANTED: usize = 8;
+/// The same at most, when lines are short.
+const MOST_LINES_GRANTED: usize = 16;
 
 /// Bytes of poses and the like that may come with each line.
-const BESIDE_A_LINE: usize = 128;
+const BESIDE_A_LINE: usize = 96;
 
-/// Bytes a board's receive queue must hold: [`LINES_GRANTED`] lines never overrun it. The next
-/// power of two is 4096.
+/// Bytes a board's receive queue must hold: [`LINES_GRANTED`] lines never overrun it.
 pub const RECEIVE_QUEUE: usize = LINES_GRANTED as usize * (MAX_FRAME + BESIDE_A_LINE);
 
 /// Lines of which none is longer than `longest` bytes that fit the queue. Should a scanner
-/// send longer ones later, those that find no room are counted as overrun. At 115,200 Bd the
-/// work after a sweep takes longer than three lines of 256 returns are under way.
+/// send longer ones later, those that find no room are counted as overrun. The work after
+/// the first sweep takes 0.5 s in the emulator; at 24 lines a second twelve are under way for
+/// so long, and of 256 returns each the queue holds thirteen.
 pub fn lines_granted(longest: usize) -> u16 {
     let fit = RECEIVE_QUEUE / (longest + BESIDE_A_LINE);
     fit.clamp(LINES_GRANTED.into(), MOST_LINES_GRANTED) as u16

@@ -19,8 +19,8 @@ use embedded_io::{ErrorType, Read, ReadReady};
 use heapless::spsc::{Consumer, Producer, Queue};
 use rugosa_app::design_parameters::{self, PORTS};
 
-/// Bytes that can wait to be read, per port.
-pub const RECEIVE_QUEUE: usize = design_parameters::RECEIVE_QUEUE.next_power_of_two();
+/// Bytes that can wait to be read, per port; the ring keeps one place free.
+pub const RECEIVE_QUEUE: usize = design_parameters::RECEIVE_QUEUE + 1;
 /// Bytes that can wait to be sent, per port.
 pub const TRANSMIT_QUEUE: usize = 1024;
 

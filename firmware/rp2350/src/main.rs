@@ -35,7 +35,7 @@ const BAUD: u32 = 921_600;
 const TRANSMIT_QUEUE: usize = 1024;
 const PATIENCE: Duration = Duration::from_secs(8);
 
-type Received = [u8; RECEIVE_QUEUE.next_power_of_two()];
+type Received = [u8; RECEIVE_QUEUE + 1];
 type Sending = [u8; TRANSMIT_QUEUE];
 
 static RECEIVED: [ConstStaticCell<Received>; PORTS] =

@@ -54,8 +54,9 @@ pub struct Args {
     #[arg(long, value_parser = clap::value_parser!(u32).range(300..))]
     baud: Option<u32>,
 
-    /// Lines per second of the scanner, which says how late they went out; without it as
-    /// fast as the module takes them
+    /// Lines per second of the scanner, which says how late they went out; scanner and line
+    /// go by the board's clock then, so that a slow computer makes no line late. Without it
+    /// as fast as the module takes them
     #[arg(long, value_name = "LINES", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     rate: Option<u32>,
 
@@ -94,6 +95,7 @@ pub fn run(args: &Args, console: &Console) -> Result<()> {
             ..args.faults.clone()
         },
         from_module: args.baud.map_or_else(Faults::default, Faults::paced),
+        in_board_time: args.rate.is_some(),
     };
     let mut bench = Bench::start(settings, description, messages).map_err(Failure::from)?;
     bench.feeder.schedule = args
@@ -232,6 +234,9 @@ fn text(summary: &Summary) -> String {
         let worst_ms = l.worst_us as f64 * 1e-3;
         format!(", {} late (at most {worst_ms:.1} ms)", l.late)
     });
+    let board = summary
+        .board_seconds
+        .map_or_else(String::new, |s| format!(", {s:.1} s of the board"));
     let costs = summary.instructions.iter();
     let costs: Vec<String> = costs.map(|(name, n)| format!("{name} {n}")).collect();
     format!(
@@ -240,7 +245,7 @@ fn text(summary: &Summary) -> String {
          instructions  {:.0} per return; last sweep: {}\n\
          memory        stack {} bytes, receive queue at most {} bytes\n\
          restarts      {}\n\
-         duration      {:.1} s",
+         duration      {:.1} s{board}",
         lines.sent,
         lines.received,
         lines.lost,

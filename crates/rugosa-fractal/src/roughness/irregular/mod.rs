@@ -17,6 +17,7 @@
 //!
 //! Needs the feature `alloc`; f64 where it costs nothing.
 
+mod average;
 pub mod gaussianity;
 pub mod pairs;
 pub mod power_law;

@@ -16,7 +16,8 @@
 //! standard deviation of H falls by a quarter, and the stated errors come within 25 %
 //! (example `accuracy`).
 //!
-//! The noise moment ν = 2 n² is a third unknown, not below zero. Where n is known, ν of the
+//! The noise moment ν = 2 n² is a third unknown, not below zero; the answers with and
+//! without it are averaged ([`super::average`]). Where n is known, ν of the
 //! points at hand still scatters by √(2/N) of itself around it, as one error that all lags
 //! share; with much noise on smooth ground that is more than the signal of short lags.
 //! The weights
@@ -26,6 +27,7 @@
 //! The standard error says so.
 
 use super::Noise;
+use super::average::{Peak, State, average};
 use super::pairs::Sums;
 use crate::roughness::Reason;
 use crate::roughness::estimate::Method;
@@ -95,15 +97,12 @@ pub struct Fit {
     pub standard_error: f64,
     /// rms of ln σ(d) around the line
     pub residual: f64,
-    /// −2 ln likelihood
-    cost: f64,
 }
 
-/// A fitted noise must raise 2 ln likelihood by this much, else it is none (one-sided 95 %):
-/// a noise that can only be positive would otherwise bias rough surfaces.
-const SIGNIFICANT: f64 = 2.7;
-
 const ROUNDS: usize = 40;
+
+/// Of H in a round; longer steps are shortened whole, or the search runs away.
+const LONGEST_STEP: f64 = 0.2;
 
 /// The shared errors are computed anew where H has changed by more.
 const SAME_SHAPE: f64 = 0.003;
@@ -123,21 +122,27 @@ impl Fit {
         let scatter = libm::sqrt(2.0 / region.points as f64);
         let best = match noise {
             Noise::Known(std) => fits(2.0 * std * std, 2.0 * std * std * scatter),
-            Noise::Fitted => STARTS
-                .iter()
-                .map(|share| fits(share * least, f64::INFINITY))
-                .fold(fits(0.0, 0.0), |a, b| match (a, b) {
-                    (Some(a), Some(b)) => Some(
-                        if b.cost < a.cost - if a.noise == 0.0 { SIGNIFICANT } else { 0.0 } {
-                            b
-                        } else {
-                            a
-                        },
-                    ),
-                    (a, b) => a.or(b),
-                }),
+            Noise::Fitted => {
+                let noisy = STARTS
+                    .iter()
+                    .filter_map(|share| fits(share * least, f64::INFINITY))
+                    .reduce(|a, b| if b.cost < a.cost { b } else { a });
+                match (fits(0.0, 0.0), noisy) {
+                    (Some(none), Some(some)) => Some(average(&none, &some)),
+                    (none, some) => none.or(some),
+                }
+            }
         };
-        best.ok_or(Reason::Noise)
+        let fit = best.and_then(|peak| {
+            Some(Fit {
+                level: peak.state.level,
+                hurst: peak.state.hurst,
+                noise: 0.5 * peak.state.nu,
+                standard_error: peak.standard_error()?,
+                residual: residual(bins, &peak.state),
+            })
+        });
+        fit.ok_or(Reason::Noise)
     }
 
     /// Does this bin's scatter leave its corrected moment known within 10 %?
@@ -218,15 +223,8 @@ struct Problem<'a> {
     known: f64,
 }
 
-#[derive(Clone, Copy)]
-struct State {
-    level: f64,
-    hurst: f64,
-    nu: f64,
-}
-
 impl Problem<'_> {
-    fn solve(&self, nu: f64) -> Option<Fit> {
+    fn solve(&self, nu: f64) -> Option<Peak> {
         let free = self.known > 0.0;
         let mut state = self.start(nu)?;
         let (mut shared, mut at) = (self.shared(&state), state.hurst);
@@ -235,24 +233,31 @@ impl Problem<'_> {
                 (shared, at) = (self.shared(&state), state.hurst);
             }
             let step = self.normal(&state, &shared, nu)?.solve(free)?;
-            state.level += step[0];
-            state.hurst = (state.hurst + step[1].clamp(-0.2, 0.2)).clamp(-0.5, 1.5);
+            let share = (LONGEST_STEP / step[1].abs()).min(1.0);
+            state.level += share * step[0];
+            state.hurst = (state.hurst + share * step[1]).clamp(-0.5, 1.5);
             if free {
-                state.nu = (state.nu + step[2]).max(0.0);
+                state.nu = (state.nu + share * step[2]).max(0.0);
             }
             if step[0].abs() + step[1].abs() < 1e-7 {
                 break;
             }
         }
         let normal = self.normal(&state, &shared, nu)?;
-        Some(Fit {
-            level: state.level,
-            hurst: state.hurst,
-            noise: 0.5 * state.nu,
-            standard_error: normal.standard_error(free && state.nu > 0.0)?,
-            residual: self.residual(&state),
+        let step = if state.nu > 0.0 {
+            [0.0; 3]
+        } else {
+            normal.solve(free)?
+        };
+        let gain: f64 = step.iter().zip(normal.right).map(|(s, r)| s * r).sum();
+        let peak = Peak {
+            state,
+            step,
+            covariance: normal.inverse(free)?,
             cost: normal.cost,
-        })
+            gain,
+        };
+        peak.standard_error().map(|_| peak)
     }
 
     fn shared(&self, state: &State) -> DMatrix<f64> {
@@ -297,25 +302,22 @@ impl Problem<'_> {
         }
         Some(normal)
     }
-
-    fn residual(&self, state: &State) -> f64 {
-        let square = |bin: &Observation| {
-            let model = libm::exp(state.level + 2.0 * state.hurst * bin.effective(state.hurst));
-            let part = model / (model + state.nu);
-            let off = 0.5 * ((bin.raw - state.nu) / model - 1.0);
-            (part * part * off * off, part * part)
-        };
-        let sums = self
-            .bins
-            .iter()
-            .map(square)
-            .fold((0.0, 0.0), |s, v| (s.0 + v.0, s.1 + v.1));
-        libm::sqrt(sums.0 / sums.1)
-    }
 }
 
-/// A standard error of H above this says nothing.
-const WORST: f64 = 0.5;
+/// rms of ln σ(d) around the line of `state`.
+fn residual(bins: &[Observation], state: &State) -> f64 {
+    let square = |bin: &Observation| {
+        let model = libm::exp(state.level + 2.0 * state.hurst * bin.effective(state.hurst));
+        let part = model / (model + state.nu);
+        let off = 0.5 * ((bin.raw - state.nu) / model - 1.0);
+        (part * part * off * off, part * part)
+    };
+    let sums = bins
+        .iter()
+        .map(square)
+        .fold((0.0, 0.0), |s, v| (s.0 + v.0, s.1 + v.1));
+    libm::sqrt(sums.0 / sums.1)
+}
 
 /// Normal equations for the steps of level, hurst and ν.
 struct Normal {
@@ -367,10 +369,5 @@ impl Normal {
         right[2] *= f64::from(u8::from(three));
         let step = self.inverse(three)? * right;
         step.iter().all(|v| v.is_finite()).then(|| step.into())
-    }
-
-    fn standard_error(&self, three: bool) -> Option<f64> {
-        let variance = self.inverse(three)?[(1, 1)];
-        (variance > 0.0 && variance < WORST * WORST).then(|| libm::sqrt(variance))
     }
 }

@@ -100,23 +100,46 @@ fn dimension_of_exact_surfaces() {
 }
 
 /// Deviation of H over 40 surfaces against what the estimates say of themselves. 40 surfaces
-/// know the true deviation within 11 %.
+/// know the true deviation within 11 %. Fitted noise on rough ground: noise and ground look
+/// alike, and that these surfaces have next to none is not in the data.
 #[test]
 fn stated_errors_of_points_are_right_within_40_percent() {
-    for (hurst, std) in [(0.8, 0.0), (0.8, 1.0), (0.5, 0.0), (0.5, 0.5), (0.2, 0.0)] {
-        let (mut squares, mut stated) = (0.0, 0.0);
-        for heights in (100..120).flat_map(|seed| exact_fbm_pair(256, hurst, seed)) {
-            let law = estimate_points(&sample(&heights, std), &options(Noise::Known(std)))
-                .law
-                .unwrap();
-            squares += (law.hurst - hurst) * (law.hurst - hurst) / 40.0;
-            stated += law.standard_error * law.standard_error / 40.0;
+    use Noise::{Fitted, Known};
+    let cases = [
+        (
+            0.8,
+            vec![(0.0, Known(0.0)), (1.0, Known(1.0)), (1.0, Fitted)],
+        ),
+        (
+            0.5,
+            vec![
+                (0.0, Known(0.0)),
+                (0.5, Known(0.5)),
+                (0.0, Fitted),
+                (0.5, Fitted),
+            ],
+        ),
+        (0.3, vec![(0.3, Fitted)]),
+        (0.2, vec![(0.0, Known(0.0))]),
+        (0.15, vec![(0.0, Fitted)]),
+    ];
+    for (hurst, cases) in cases {
+        let most = if hurst == 0.15 { 2.5 } else { 1.4 };
+        let surfaces: Vec<Vec<f32>> = (100..120)
+            .flat_map(|seed| exact_fbm_pair(256, hurst, seed))
+            .collect();
+        for (std, noise) in cases {
+            let (mut squares, mut stated) = (0.0, 0.0);
+            for heights in &surfaces {
+                let estimate = estimate_points(&sample(heights, std), &options(noise));
+                let law = estimate.law.unwrap();
+                squares += (law.hurst - hurst) * (law.hurst - hurst) / 40.0;
+                stated += law.standard_error * law.standard_error / 40.0;
+            }
+            let ratio = libm::sqrt(stated / squares);
+            println!("H {hurst}, noise {std} {noise:?}: stated / true {ratio:.2}");
+            assert!((1.0 / 1.4..most).contains(&ratio), "{ratio:.2}");
         }
-        let ratio = libm::sqrt(stated / squares);
-        assert!(
-            (1.0 / 1.4..1.4).contains(&ratio),
-            "H {hurst}, noise {std}: {ratio:.2}"
-        );
     }
 }
 
@@ -124,6 +147,35 @@ fn stated_errors_of_points_are_right_within_40_percent() {
 fn fitted_noise_is_the_noise() {
     let estimate = estimate_points(&points(256, 0.7, 2.0, 3), &options(Noise::Fitted));
     assert!((estimate.noise_std - 2.0).abs() < 0.4, "{estimate:?}");
+}
+
+/// Interpolated terrain is too smooth at short lags: a noise below zero would explain it best.
+#[test]
+fn what_is_too_smooth_at_short_lags_has_no_noise() {
+    let side = 256;
+    let rough = exact_fbm(side, 0.5, 9);
+    let square = |i: usize| (0..25).map(move |k| i + k % 5 + side * (k / 5));
+    let smooth: Vec<f32> = (0..rough.len())
+        .map(|i| square(i).map(|j| rough[j % rough.len()]).sum::<f32>() / 25.0)
+        .collect();
+    let raster = Raster {
+        values: &smooth,
+        columns: side,
+        spacing: [1.0, 1.0],
+    };
+    let estimate = |noise| {
+        let min_lag = Some(1.0);
+        estimate_raster(
+            &raster,
+            &Options {
+                min_lag,
+                ..options(noise)
+            },
+        )
+    };
+    let (fitted, none) = (estimate(Noise::Fitted), estimate(Noise::Known(0.0)));
+    assert_eq!(fitted.noise_std, 0.0);
+    assert_eq!(fitted.law, none.law);
 }
 
 /// The method of 1996 in its plainest form: all pairs, mean |Δz|, annuli, least squares.
