@@ -17,7 +17,7 @@
 //! (example `accuracy`).
 //!
 //! The noise moment ν = 2 n² is a third unknown, not below zero; the answers with and
-//! without it are averaged ([`super::average`]). Where n is known, ν of the
+//! without it are averaged (`average.rs`). Where n is known, ν of the
 //! points at hand still scatters by √(2/N) of itself around it, as one error that all lags
 //! share; with much noise on smooth ground that is more than the signal of short lags.
 //! The weights
