@@ -52,8 +52,8 @@ impl Peak {
 /// Odds of noise where it explains the data no better. A free parameter raises the
 /// likelihood by e^½ even where there is none, so that Akaike's weights (Burnham & Anderson
 /// 2002, *Model selection and multimodel inference*, § 2.9) would have e^−1 = 0.37 here.
-/// Sensors whose noise reaches what rough ground does from lag to lag are rarer: of
-/// 0.04, 0.1 and 0.3, this errs least over D = 2.1 … 2.9 (example `accuracy`).
+/// Sensors whose noise reaches what rough ground does from lag to lag are rarer: measured
+/// over D = 2.1 … 2.9, 0.04 errs more where there is noise, 0.3 where there is none.
 const ODDS_BEFORE: f64 = 0.1;
 
 /// Mean and covariance over "no noise" and "some noise".
