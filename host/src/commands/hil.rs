@@ -55,8 +55,8 @@ pub struct Args {
     baud: Option<u32>,
 
     /// Lines per second of the scanner, which says how late they went out; scanner and line
-    /// go by the board's clock then, so that a slow computer makes no line late. Without it
-    /// as fast as the module takes them
+    /// go by the board's clock then, which is as slow as the computer. Without it as fast as
+    /// the module takes them
     #[arg(long, value_name = "LINES", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     rate: Option<u32>,
 

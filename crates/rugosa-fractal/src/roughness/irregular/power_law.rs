@@ -13,8 +13,8 @@
 //! more than independent errors would give them. a(H), b(H), c(H) were found by restricted
 //! maximum likelihood from the moments of 120 simulated surfaces for each D = 2.1 … 2.9,
 //! 13 107 points of 512² cells, lags 2–30. Against a plain random walk of the lag the
-//! standard deviation of H falls by a quarter, and the stated errors come within 25 %
-//! (example `accuracy`).
+//! standard deviation of H falls by a quarter, and the stated errors come within about
+//! 30 % where the noise is known (example `accuracy`).
 //!
 //! The noise moment ν = 2 n² is a third unknown, not below zero; the answers with and
 //! without it are averaged (`average.rs`). Where n is known, ν of the
