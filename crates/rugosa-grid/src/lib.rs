@@ -12,5 +12,5 @@ pub mod tile;
 pub mod window;
 
 pub use sample::{Sample, State};
-pub use tile::{TILE, Tile, Tiles};
+pub use tile::{TILE, Tile, TileBits, Tiles};
 pub use window::{Cell, Lattice, Window};

@@ -9,6 +9,9 @@ use crate::window::{Cell, Window};
 /// Cells per edge of a tile.
 pub const TILE: i32 = 8;
 
+/// Some cells of a tile: bit 8 y + x for the cell in row y and column x of it.
+pub type TileBits = u64;
+
 /// Absolute address of a tile.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Tile {

@@ -105,10 +105,24 @@ struct Times {
     measured: u32,
 }
 
-/// Processor time of this thread \[ms\].
+/// Processor time of this thread \[ms\]; 0 where instructions are counted instead.
 fn now() -> f64 {
+    if is_counting() {
+        return 0.0;
+    }
     let t = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
     t.tv_sec as f64 * 1e3 + t.tv_nsec as f64 / 1e6
+}
+
+/// `-- N` on the command line: N runs of the first scene and no table, to count instructions
+/// (`valgrind --tool=callgrind`).
+fn runs_to_count() -> Option<u32> {
+    std::env::args().nth(1).and_then(|n| n.parse().ok())
+}
+
+fn is_counting() -> bool {
+    static COUNTING: std::sync::OnceLock<bool> = std::sync::OnceLock::new();
+    *COUNTING.get_or_init(|| runs_to_count().is_some())
 }
 
 fn sweep(mapper: &mut Mapper, points: &[[f32; 3]], number: u16) -> Times {
@@ -195,8 +209,7 @@ fn scene(rings: usize, columns: usize, published: [f64; 2]) {
 }
 
 fn main() {
-    // `-- N`: N runs of the first scene and no table, to count instructions
-    if let Some(runs) = std::env::args().nth(1).and_then(|n| n.parse().ok()) {
+    if let Some(runs) = runs_to_count() {
         let points = scan(60, 500, 1);
         let mut planes = Planes::new(257);
         for _ in 0..runs {

@@ -24,8 +24,8 @@ use nalgebra::Isometry3;
 use rugosa_fractal::roughness::{
     Committed, Method, Pool, Settings, StructureFunction, Trend, estimate,
 };
-use rugosa_grid::{Cell, Lattice, State, Tile, Tiles, Window};
-use rugosa_terrain::grid::{Point, SavedCell, Tally, View};
+use rugosa_grid::{Cell, Lattice, Tile, Tiles, Window};
+use rugosa_terrain::grid::{Point, SavedCell, Survey, Tally, View};
 use rugosa_terrain::{
     ElevationGrid, Fused, GridConfig, Noise, PoseBuffer, PoseError, Ray, SampleChoice,
 };
@@ -467,7 +467,7 @@ impl Surface<'_> {
         self.grid
             .see_through(ray, sweep, |window, samples, cell, old| {
                 structure.replaced(window, samples, cell, old);
-                ground.changed(window, cell);
+                ground.changed(&Tiles::of(window), Tile::of(cell));
             });
     }
 
@@ -475,7 +475,7 @@ impl Surface<'_> {
         let (structure, ground) = (&mut self.structure, &mut self.ground);
         self.grid.move_to(centre, |window, samples, cell, old| {
             structure.replaced(window, samples, cell, old);
-            ground.changed(window, cell);
+            ground.changed(&Tiles::of(window), Tile::of(cell));
         });
         ground.all_stale();
     }
@@ -496,7 +496,7 @@ impl Surface<'_> {
         self.grid
             .restore(cell, saved, |window, samples, cell, old| {
                 structure.replaced(window, samples, cell, old);
-                ground.changed(window, cell);
+                ground.changed(&Tiles::of(window), Tile::of(cell));
             })
     }
 
@@ -506,7 +506,7 @@ impl Surface<'_> {
         let before = self.grid.datum();
         self.grid.follow_height(z, |window, samples, cell, old| {
             structure.replaced(window, samples, cell, old);
-            ground.changed(window, cell);
+            ground.changed(&Tiles::of(window), Tile::of(cell));
         });
         self.grid.datum() != before
     }
@@ -526,14 +526,15 @@ impl Surface<'_> {
     /// Costs of the tiles whose cells, neighbours or roughness changed.
     fn judge(&mut self, limits: &Limits) {
         let tiles = Tiles::of(self.grid.window());
+        let sums = self.structure.tiles();
+        let measured = |tile| tiles.slot(tile).map_or(0, |slot| sums[slot].measured());
+        let mut judging = self.costs.judging(&self.grid, limits);
         for tile in tiles.tiles() {
             if !self.ground.take_cost_stale(&tiles, tile) {
                 continue;
             }
             let roughness = self.ground.get(&tiles, tile).and_then(|g| g.estimate.ok());
-            if self
-                .costs
-                .refresh(&self.grid, tile, roughness.as_ref(), limits)
+            if judging.judge(tile, roughness.as_ref(), measured)
                 && let Some(ground) = self.ground.get_mut(&tiles, tile)
             {
                 ground.unsent |= outbox::COSTS;
@@ -545,28 +546,16 @@ impl Surface<'_> {
     fn survey(&mut self, sweep: u16) -> Survey {
         let mut survey = Survey::default();
         self.ground.untouched();
-        let window = *self.grid.window();
-        for cell in window.cells() {
-            match self.grid.state(cell) {
-                State::Unknown => {}
-                State::SeenThrough => survey.seen_through += 1,
-                State::Measured => {
-                    survey.measured += 1;
-                    if self.grid.last_sweep(cell) == sweep {
-                        self.ground.changed(&window, cell);
-                    }
-                }
+        let tiles = Tiles::of(self.grid.window());
+        for tile in tiles.tiles() {
+            let of_tile = self.grid.survey(tile, sweep);
+            survey.add(&of_tile);
+            if of_tile.touched > 0 {
+                self.ground.changed(&tiles, tile);
             }
         }
         survey
     }
-}
-
-/// Cells by state.
-#[derive(Clone, Copy, Debug, Default)]
-struct Survey {
-    measured: u32,
-    seen_through: u32,
 }
 
 fn pose_buffer(config: &Config) -> PoseBuffer {

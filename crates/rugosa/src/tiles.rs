@@ -6,7 +6,7 @@
 use crate::outbox;
 use rugosa_fractal::roughness::estimate::{Reason, Roughness, Settings, estimate};
 use rugosa_fractal::roughness::{Pool, TileSums};
-use rugosa_grid::{Cell, Tile, Tiles, Window};
+use rugosa_grid::{Tile, Tiles};
 
 /// What is known of a tile beyond its counters.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,15 +63,14 @@ impl<'m> Ground<'m> {
         tiles.slot(tile).map(|slot| &mut self.tiles[slot])
     }
 
-    /// The elevation of a cell changed.
-    pub(crate) fn changed(&mut self, window: &Window, cell: Cell) {
-        let (tiles, tile) = (Tiles::of(window), Tile::of(cell));
-        if let Some(ground) = self.get_mut(&tiles, tile)
+    /// The elevation of a cell of a tile changed.
+    pub(crate) fn changed(&mut self, tiles: &Tiles, tile: Tile) {
+        if let Some(ground) = self.get_mut(tiles, tile)
             && !core::mem::replace(&mut ground.touched, true)
         {
             ground.unsent |= outbox::CELLS;
             let means = self.means;
-            self.each_around(&tiles, tile, |near| {
+            self.each_around(tiles, tile, |near| {
                 near.cost_stale = true;
                 near.unsent |= means;
             });

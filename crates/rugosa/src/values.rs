@@ -92,8 +92,15 @@ impl Mapper<'_> {
         let resolution = self.lattice().resolution();
         let around = Around::new(resolution, self.limits(), roughness.as_ref());
         let mut patch = Patch::new();
-        patch.fill(self.grid(), tile, around.margin());
-        core::array::from_fn(|row| patch.row(row, &around))
+        let grid = self.grid();
+        patch.fill(grid, tile, around.margin(), |near| grid.measured(near));
+        core::array::from_fn(|row| {
+            let mut features = [None; TILE as usize];
+            patch.row(row, &around, |column, of_cell| {
+                features[column] = Some(of_cell);
+            });
+            features
+        })
     }
 
     /// Fills a plane of `side²` values of a layer, row by row from the south-west corner;

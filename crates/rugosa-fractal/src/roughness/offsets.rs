@@ -36,7 +36,8 @@ const ORBITS: [&[(i8, i8)]; LAGS] = [
 ];
 
 const START: [u8; LAGS + 1] = starts();
-static TABLE: [(i8, i8); OFFSETS] = table();
+static TABLE: [(i8, i8); OFFSETS] = OFFSET_TABLE;
+const OFFSET_TABLE: [(i8, i8); OFFSETS] = table();
 
 /// The offsets (x, y) of lag number `lag`, in cells.
 #[inline]
@@ -44,15 +45,12 @@ pub fn offsets(lag: usize) -> &'static [(i8, i8)] {
     &TABLE[START[lag] as usize..START[lag + 1] as usize]
 }
 
+static MOMENTS: [(f32, f32); LAGS] = moments();
+
 /// Mean of |offset|² and of |offset|⁴ over the offsets of a lag, in cells² and cells⁴.
+#[inline]
 pub fn nominal_moments(lag: usize) -> (f32, f32) {
-    let mut sums = (0, 0);
-    for &(x, y) in offsets(lag) {
-        let square = i32::from(x) * i32::from(x) + i32::from(y) * i32::from(y);
-        sums = (sums.0 + square, sums.1 + square * square);
-    }
-    let count = offsets(lag).len() as f32;
-    (sums.0 as f32 / count, sums.1 as f32 / count)
+    MOMENTS[lag]
 }
 
 /// The members of an orbit in the half-plane; the second half may repeat the first.
@@ -94,6 +92,24 @@ const fn table() -> [(i8, i8); OFFSETS] {
         lag += 1;
     }
     table
+}
+
+const fn moments() -> [(f32, f32); LAGS] {
+    let mut moments = [(0.0, 0.0); LAGS];
+    let mut lag = 0;
+    while lag < LAGS {
+        let (mut sums, mut at) = ((0, 0), START[lag] as usize);
+        while at < START[lag + 1] as usize {
+            let (x, y) = (OFFSET_TABLE[at].0 as i32, OFFSET_TABLE[at].1 as i32);
+            let square = x * x + y * y;
+            sums = (sums.0 + square, sums.1 + square * square);
+            at += 1;
+        }
+        let count = (START[lag + 1] - START[lag]) as f32;
+        moments[lag] = (sums.0 as f32 / count, sums.1 as f32 / count);
+        lag += 1;
+    }
+    moments
 }
 
 #[cfg(test)]

@@ -19,17 +19,17 @@
 //! samples, bit for bit (test `any_history_equals_a_pass_over_all_pairs`).
 //!
 //! Cost: a changed cell meets 2 × [`OFFSETS`](super::OFFSETS) neighbours, whatever the size
-//! and the history of the map; figures in `docs/roughness.md`. Memory: 392 bytes per tile
+//! and the history of the map; figures in `docs/roughness.md`. Memory: 400 bytes per tile
 //! and one [`Block`].
 
 use super::offsets::{LAGS, REACH, offsets};
 use super::rows::Block;
 use super::sums::{LagSums, TileSums};
-use rugosa_grid::{Cell, Sample, TILE, Tile, Tiles, Window};
+use rugosa_grid::{Cell, Sample, TILE, Tile, TileBits, Tiles, Window};
 
 /// So many changed samples of a tile make the row-wise pass the cheaper one. The choice
 /// depends on the machine (vector instructions), the result does not.
-pub const ROW_WISE_FROM: u16 = if cfg!(target_arch = "arm") { 20 } else { 6 };
+pub const ROW_WISE_FROM: u16 = if cfg!(target_arch = "arm") { 20 } else { 16 };
 
 /// What a commit did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -78,15 +78,17 @@ impl<'m> StructureFunction<'m> {
     /// The sample of `cell` was `old` and is now what `samples` says; to be called after
     /// every change of a sample, whatever the old one was. `window` holds the cell.
     pub fn replaced(&mut self, window: &Window, samples: &[Sample], cell: Cell, old: &Sample) {
-        let pending = old.is_measured() && !old.is_counted();
-        let around = Surroundings::of(window, Tile::of(cell));
-        let Some(own) = self.tiles.get_mut(around.own()) else {
+        let tiles = Tiles::of(window);
+        let Some(own) = tiles.slot(Tile::of(cell)) else {
             return;
         };
+        let own = &mut self.tiles[own];
+        let pending = old.is_measured() && !old.is_counted();
         own.changes = own.changes.saturating_add(u16::from(!pending));
         own.stale |= own.changes >= ROW_WISE_FROM;
         if old.is_counted() {
-            around.mark_changed(self.tiles);
+            let around = Surroundings::of(&tiles, Tile::of(cell));
+            around.each(self.tiles, |near| near.changed = true);
             let around = around.without_stale(self.tiles);
             self.each_pair(
                 &around,
@@ -102,52 +104,79 @@ impl<'m> StructureFunction<'m> {
     pub fn commit(&mut self, window: &Window, samples: &mut [Sample]) -> Committed {
         let mut done = Committed::default();
         let tiles = Tiles::of(window);
-        for tile in tiles.tiles() {
-            if tiles
-                .slot(tile)
-                .is_some_and(|slot| self.tiles[slot].changes > 0)
-            {
+        let place = |tile| (tile, tiles.slot(tile).unwrap_or_default());
+        for (tile, slot) in tiles.tiles().map(place) {
+            if self.tiles[slot].changes > 0 {
+                self.look_at(window, samples, tile);
+            }
+        }
+        for (tile, slot) in tiles.tiles().map(place) {
+            if self.tiles[slot].changes > 0 {
                 done.added += self.add_pending(window, samples, tile);
             }
         }
-        for tile in tiles.tiles() {
-            let slot = tiles.slot(tile).unwrap_or_default();
+        for (tile, slot) in tiles.tiles().map(place) {
             done.recomputed += u32::from(self.finish(slot, window, samples, tile));
             done.changed += u32::from(self.tiles[slot].changed);
         }
         done
     }
 
+    /// Notes which samples of a tile are measured, and in which tiles their pairs are news.
+    fn look_at(&mut self, window: &Window, samples: &[Sample], tile: Tile) {
+        let around = Surroundings::of(&Tiles::of(window), tile);
+        let is_measured = |cell| {
+            let slot = window.slot(cell);
+            slot.is_some_and(|slot| samples[slot].is_measured())
+        };
+        let Some(own) = self.tiles.get_mut(around.slot) else {
+            return;
+        };
+        own.measured = (tile.cells().enumerate())
+            .fold(0, |bits, (i, cell)| bits | TileBits::from(is_measured(cell)) << i);
+        let changes = own.changes;
+        around.each(self.tiles, |near| {
+            near.changed = true;
+            near.news = near.news.saturating_add(changes);
+            near.stale |= near.news >= ROW_WISE_FROM;
+        });
+    }
+
     fn add_pending(&mut self, window: &Window, samples: &mut [Sample], tile: Tile) -> u32 {
-        let around = Surroundings::of(window, tile);
-        around.mark_changed(self.tiles);
-        let around = around.without_stale(self.tiles);
+        let around = Surroundings::of(&Tiles::of(window), tile).without_stale(self.tiles);
+        let is_asked_for = !around.is_empty();
+        let measured = self.tiles.get(around.slot).map_or(0, |own| own.measured);
         let mut added = 0;
-        for cell in tile.cells() {
-            let Some(slot) = window.slot(cell) else {
+        for (i, cell) in tile.cells().enumerate() {
+            let Some(slot) = window.slot(cell).filter(|_| measured >> i & 1 > 0) else {
                 continue;
             };
-            if samples[slot].is_measured() && !samples[slot].is_counted() {
-                if !around.is_empty() {
-                    let (neighbours, sample) = (Neighbours::of(window, cell), samples[slot]);
-                    self.each_pair(&around, &neighbours, samples, &sample, |sums, pair| {
-                        *sums += pair
-                    });
-                }
-                samples[slot].set_counted(true);
-                added += 1;
+            let sample = samples[slot];
+            if sample.is_counted() {
+                continue;
             }
+            if is_asked_for {
+                let neighbours = Neighbours::of(window, cell);
+                self.each_pair(&around, &neighbours, samples, &sample, |sums, pair| {
+                    *sums += pair
+                });
+            }
+            samples[slot].set_counted(true);
+            added += 1;
         }
         added
     }
 
     fn finish(&mut self, slot: usize, window: &Window, samples: &[Sample], tile: Tile) -> bool {
         let sums = &mut self.tiles[slot];
-        sums.changes = 0;
+        (sums.changes, sums.news) = (0, 0);
         let stale = core::mem::take(&mut sums.stale);
         if stale {
-            sums.lags = self.block.sums(window, samples, tile);
-            sums.changed = true;
+            let tiles = Tiles::of(window);
+            let measured = |near| tiles.slot(near).map_or(0, |slot| self.tiles[slot].measured);
+            let lags = self.block.sums(window, samples, tile, measured);
+            let sums = &mut self.tiles[slot];
+            (sums.lags, sums.changed) = (lags, true);
         }
         stale
     }
@@ -193,22 +222,27 @@ const NONE: u32 = u32::MAX >> 2;
 
 /// The slots of the tiles that can own a pair with a cell of a tile; `NONE` where there
 /// is none or its sums are not to be touched.
-struct Surroundings([[u32; ACROSS]; DOWN]);
+struct Surroundings {
+    slots: [[u32; ACROSS]; DOWN],
+    /// that of the tile itself, to be touched or not
+    slot: usize,
+}
 
 impl Surroundings {
-    fn of(window: &Window, tile: Tile) -> Self {
-        let tiles = Tiles::of(window);
-        Surroundings(core::array::from_fn(|down| {
+    fn of(tiles: &Tiles, tile: Tile) -> Self {
+        let slots: [[u32; ACROSS]; DOWN] = core::array::from_fn(|down| {
             core::array::from_fn(|across| {
                 let x = tile.x.wrapping_add(across as i32 - TILES_REACHED);
                 let y = tile.y.wrapping_sub(down as i32);
                 tiles.slot(Tile::new(x, y)).map_or(NONE, |slot| slot as u32)
             })
-        }))
+        });
+        let slot = slots[0][TILES_REACHED as usize] as usize;
+        Surroundings { slots, slot }
     }
 
     fn without_stale(mut self, tiles: &[TileSums]) -> Self {
-        for slot in self.0.iter_mut().flatten() {
+        for slot in self.slots.iter_mut().flatten() {
             if tiles.get(*slot as usize).is_some_and(|tile| tile.stale) {
                 *slot = NONE;
             }
@@ -216,21 +250,21 @@ impl Surroundings {
         self
     }
 
-    fn mark_changed(&self, tiles: &mut [TileSums]) {
-        for &slot in self.0.iter().flatten() {
+    fn each(&self, tiles: &mut [TileSums], act: impl Fn(&mut TileSums)) {
+        for &slot in self.slots.iter().flatten() {
             if let Some(tile) = tiles.get_mut(slot as usize) {
-                tile.changed = true;
+                act(tile);
             }
         }
     }
 
     fn is_empty(&self) -> bool {
-        self.0.iter().flatten().all(|&slot| slot == NONE)
+        self.slots.iter().flatten().all(|&slot| slot == NONE)
     }
 
     #[inline(always)]
     fn own(&self) -> usize {
-        self.0[0][TILES_REACHED as usize] as usize
+        self.slots[0][TILES_REACHED as usize] as usize
     }
 
     /// The tile of the neighbour (x, y) cells away, y ≤ 0.
@@ -238,7 +272,7 @@ impl Surroundings {
     fn tile(&self, neighbours: &Neighbours, x: i32, y: i32) -> usize {
         let across = ((neighbours.place.0 + x) >> 3) + TILES_REACHED;
         let down = -((neighbours.place.1 + y) >> 3);
-        self.0[down as usize][across as usize] as usize
+        self.slots[down as usize][across as usize] as usize
     }
 }
 

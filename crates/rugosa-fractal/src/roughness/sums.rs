@@ -18,7 +18,7 @@
 
 use super::offsets::LAGS;
 use core::ops::{AddAssign, SubAssign};
-use rugosa_grid::{Sample, sample::PARTS};
+use rugosa_grid::{Sample, TileBits, sample::PARTS};
 
 /// Sums over the pairs of one lag whose lower member lies in one tile; 48 bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -45,13 +45,20 @@ impl LagSums {
         let dz = i32::from(upper.height) - i32::from(lower.height);
         let dx = PARTS * x + i32::from(upper.east) - i32::from(lower.east);
         let dy = PARTS * y + i32::from(upper.north) - i32::from(lower.north);
+        let noise = u32::from(lower.variance) + u32::from(upper.variance);
+        LagSums::of_differences(dz, [dx, dy], noise)
+    }
+
+    /// The same from its differences \[height steps, 1/64 cell\] and the sum of its variances.
+    #[inline(always)]
+    pub(super) fn of_differences(dz: i32, [dx, dy]: [i32; 2], noise: u32) -> Self {
         let magnitude = dz.unsigned_abs();
         LagSums {
             square: u64::from(magnitude) * u64::from(magnitude),
             trend: [i64::from(dz) * i64::from(dx), i64::from(dz) * i64::from(dy)],
             absolute: magnitude,
             pairs: 1,
-            noise: u32::from(lower.variance) + u32::from(upper.variance),
+            noise,
             spread: [dx * dx, dx * dy, dy * dy],
         }
     }
@@ -89,13 +96,17 @@ impl SubAssign<&LagSums> for LagSums {
     }
 }
 
-/// The counters of one tile and what the current transaction knows of it; 392 bytes.
+/// The counters of one tile and what the current transaction knows of it; 400 bytes.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct TileSums {
     /// the sums, lag by lag
     pub lags: [LagSums; LAGS],
+    /// which of its cells were measured at the last commit
+    pub(super) measured: TileBits,
     /// samples of the tile that changed since the last commit
     pub(super) changes: u16,
+    /// the same of all tiles whose pairs it may own
+    pub(super) news: u16,
     /// its sums are out of date: recompute them at the commit
     pub(super) stale: bool,
     /// its sums differ from what the reader of [`TileSums::take_changed`] last saw
@@ -118,7 +129,9 @@ impl TileSums {
     /// No pairs.
     pub const EMPTY: TileSums = TileSums {
         lags: [LagSums::EMPTY; LAGS],
+        measured: 0,
         changes: 0,
+        news: 0,
         stale: false,
         changed: false,
     };
@@ -126,6 +139,11 @@ impl TileSums {
     /// Did the sums change since this was last asked? Asking resets it.
     pub fn take_changed(&mut self) -> bool {
         core::mem::take(&mut self.changed)
+    }
+
+    /// Which of its cells were measured at the last commit.
+    pub fn measured(&self) -> TileBits {
+        self.measured
     }
 }
 
@@ -136,7 +154,7 @@ mod tests {
     #[test]
     fn sizes_are_as_stated() {
         assert_eq!(core::mem::size_of::<LagSums>(), 48);
-        assert_eq!(core::mem::size_of::<TileSums>(), 392);
+        assert_eq!(core::mem::size_of::<TileSums>(), 400);
     }
 
     #[test]

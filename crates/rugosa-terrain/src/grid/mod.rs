@@ -40,7 +40,7 @@ pub use fuse::{Fused, Point, Tally, View};
 pub use save::SavedCell;
 
 use cell::Gate;
-use rugosa_grid::{Cell, Lattice, Sample, State, Window};
+use rugosa_grid::{Cell, Lattice, Sample, State, TILE, Tile, TileBits, Window};
 
 /// The elevation grid; `'m` is the life of the lent planes.
 #[derive(Debug)]
@@ -79,6 +79,26 @@ impl Ground {
     /// Elevation `sigmas` standard deviations up (or down, where negative) \[m\].
     pub fn bound(&self, sigmas: f32) -> f32 {
         self.elevation + sigmas * rugosa_grid::math::sqrt(self.variance)
+    }
+}
+
+/// Cells by state.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Survey {
+    /// cells that hold a return
+    pub measured: u32,
+    /// cells that a beam passed below
+    pub seen_through: u32,
+    /// measured cells that a certain sweep touched last
+    pub touched: u32,
+}
+
+impl Survey {
+    /// Adds the cells of another.
+    pub fn add(&mut self, other: &Survey) {
+        self.measured += other.measured;
+        self.seen_through += other.seen_through;
+        self.touched += other.touched;
     }
 }
 
@@ -129,11 +149,26 @@ impl<'m> ElevationGrid<'m> {
         Ok(())
     }
 
-    /// The sweep (its low 16 bits) that touched a cell last; 0 outside the window.
-    pub fn last_sweep(&self, cell: Cell) -> u16 {
-        self.window
-            .slot(cell)
-            .map_or(0, |slot| self.cells[slot].last_sweep)
+    /// Counts the cells of a tile; `sweep` is the low 16 bits of a sweep's number.
+    pub fn survey(&self, tile: Tile, sweep: u16) -> Survey {
+        let Cell { x, y } = tile.origin();
+        let rows = (0..TILE).filter_map(|i| self.window.row_part(y.wrapping_add(i)));
+        let columns: [_; TILE as usize] =
+            core::array::from_fn(|i| self.window.column_part(x.wrapping_add(i as i32)));
+        let mut survey = Survey::default();
+        for row in rows {
+            for slot in columns.iter().flatten().map(|column| row + column) {
+                match self.samples[slot].state() {
+                    State::Unknown => {}
+                    State::SeenThrough => survey.seen_through += 1,
+                    State::Measured => {
+                        survey.measured += 1;
+                        survey.touched += u32::from(self.cells[slot].last_sweep == sweep);
+                    }
+                }
+            }
+        }
+        survey
     }
 
     /// Metres ↔ cells.
@@ -205,13 +240,23 @@ impl<'m> ElevationGrid<'m> {
         })
     }
 
-    /// Elevation \[m\] and its variance \[m²\] of the cell in a slot of the window; `None`
-    /// where nothing is measured.
+    /// Which cells of a tile are measured.
+    pub fn measured(&self, tile: Tile) -> TileBits {
+        let is_measured = |cell| {
+            let slot = self.window.slot(cell);
+            slot.is_some_and(|slot| self.samples[slot].is_measured())
+        };
+        let cells = tile.cells().enumerate();
+        cells.fold(0, |bits, (i, cell)| {
+            bits | TileBits::from(is_measured(cell)) << i
+        })
+    }
+
+    /// Elevation \[m\] and its variance \[m²\] of the measured cell in a slot of the window.
     #[inline]
-    pub fn elevation(&self, slot: usize) -> Option<[f32; 2]> {
+    pub fn elevation(&self, slot: usize) -> [f32; 2] {
         let held = &self.cells[slot];
-        let is_measured = self.samples[slot].is_measured();
-        is_measured.then_some([held.elevation, held.variance])
+        [held.elevation, held.variance]
     }
 
     /// Height steps → metres above the map's zero.

@@ -3,7 +3,7 @@
 use super::Limits;
 use super::features::{Around, Features, Patch};
 use rugosa_fractal::roughness::Roughness;
-use rugosa_grid::{Cell, State, TILE, Tile, Window, math};
+use rugosa_grid::{Cell, State, TILE, Tile, TileBits, Window, math};
 use rugosa_terrain::ElevationGrid;
 
 /// What made the cost of a cell.
@@ -115,48 +115,72 @@ impl<'m> Costs<'m> {
             .map_or(CellCost::UNKNOWN, |slot| self.plane[slot])
     }
 
-    /// Judges the cells of a tile anew; true where a cost changed.
-    pub(crate) fn refresh(
+    /// To judge tiles anew, one after another.
+    pub(crate) fn judging<'a>(
+        &'a mut self,
+        grid: &'a ElevationGrid<'m>,
+        limits: &'a Limits,
+    ) -> Judging<'a, 'm> {
+        Judging {
+            plane: self.plane,
+            grid,
+            limits,
+            patch: Patch::new(),
+        }
+    }
+}
+
+/// Puts new costs on the tiles of a map.
+pub(crate) struct Judging<'a, 'm> {
+    plane: &'a mut [CellCost],
+    grid: &'a ElevationGrid<'m>,
+    limits: &'a Limits,
+    patch: Patch,
+}
+
+impl Judging<'_, '_> {
+    /// Judges the cells of a tile anew; true where a cost changed. `measured` tells which
+    /// cells of a tile are.
+    pub(crate) fn judge(
         &mut self,
-        grid: &ElevationGrid,
         tile: Tile,
         roughness: Option<&Roughness>,
-        limits: &Limits,
+        measured: impl Fn(Tile) -> TileBits,
     ) -> bool {
-        let slots = Slots::of(grid.window(), tile);
-        let is_measured = |slot| grid.state_in(slot) == State::Measured;
-        if !(0..TILE as usize).any(|row| slots.row(row).any(|(_, slot)| is_measured(slot))) {
-            return self.put(grid, &slots, |_| [None; TILE as usize]);
+        let slots = Slots::of(self.grid.window(), tile);
+        if measured(tile) == 0 {
+            return (0..TILE as usize)
+                .fold(false, |changed, row| self.put(&slots, row, &NONE) | changed);
         }
-        let around = Around::new(grid.lattice().resolution(), limits, roughness);
-        let judge = Judge::new(limits, roughness);
-        let mut patch = Patch::new();
-        patch.fill(grid, tile, around.margin());
-        let cost = |features: Option<Features>| features.map(|f| judge.cost(&f));
-        self.put(grid, &slots, |row| patch.row(row, &around).map(cost))
+        let around = Around::new(self.grid.lattice().resolution(), self.limits, roughness);
+        let judge = Judge::new(self.limits, roughness);
+        self.patch.fill(self.grid, tile, around.margin(), measured);
+        (0..TILE as usize).fold(false, |changed, row| {
+            let mut costs = NONE;
+            self.patch.row(row, &around, |column, features| {
+                costs[column] = Some(judge.cost(&features));
+            });
+            self.put(&slots, row, &costs) | changed
+        })
     }
 
-    /// Puts the costs of a tile, row by row, where it is measured; true where one changed.
-    fn put(
-        &mut self,
-        grid: &ElevationGrid,
-        slots: &Slots,
-        measured: impl Fn(usize) -> [Option<CellCost>; TILE as usize],
-    ) -> bool {
+    /// Puts the costs of a row of a tile where it is measured; true where one changed.
+    fn put(&mut self, slots: &Slots, row: usize, costs: &RowCosts) -> bool {
         let mut changed = false;
-        for row in 0..TILE as usize {
-            let costs = measured(row);
-            for (column, slot) in slots.row(row) {
-                let cost = costs[column].unwrap_or_else(|| match grid.state_in(slot) {
-                    State::SeenThrough => CellCost::new(1.0, Criterion::Hole),
-                    _ => CellCost::UNKNOWN,
-                });
-                changed |= core::mem::replace(&mut self.plane[slot], cost) != cost;
-            }
+        for (column, slot) in slots.row(row) {
+            let cost = costs[column].unwrap_or_else(|| match self.grid.state_in(slot) {
+                State::SeenThrough => CellCost::new(1.0, Criterion::Hole),
+                _ => CellCost::UNKNOWN,
+            });
+            changed |= core::mem::replace(&mut self.plane[slot], cost) != cost;
         }
         changed
     }
 }
+
+/// Costs of the measured cells of a row of a tile.
+type RowCosts = [Option<CellCost>; TILE as usize];
+const NONE: RowCosts = [None; TILE as usize];
 
 /// Where the cells of a tile lie in the planes of a map: the sum of a part of the row and one
 /// of the column.

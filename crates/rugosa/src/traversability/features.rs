@@ -17,23 +17,30 @@
 //! the chance that any step exceeds the limit; neighbouring cells are far from independent,
 //! so the product of their chances would be no better.
 //!
-//! The cells of a tile and its margin are unpacked once; then each measured cell looks at the
-//! rows of its disc, four neighbours at a time, passing over fours of which none is measured.
-//! Sums over a column of the disc come first, their products with x last. Of the unseen
-//! neighbours the farthest counts, which bits tell. What a disc looks like, and the powers
-//! d^{2H}, are the same for all cells of a tile. A slope needs at least [`LEAST`] measured cells
-//! that do not lie on a line; otherwise it is NaN.
+//! The cells of a tile and its margin are unpacked once. Then four neighbouring cells at a
+//! time look at the cells of their discs, offset by offset, whether those were measured or
+//! not: sums over a row of the disc first, their products with y last. That gives slope, step
+//! and the greatest variance; the chance of a hidden step follows from them alone unless a
+//! neighbour might be likelier to hide one than the unseen ground is, and only then the
+//! neighbours are asked one by one. Of the unseen ones the farthest counts, which bits tell. What
+//! a disc looks like, and the powers d^{2H}, are the same for all cells of a tile. A slope needs
+//! at least [`LEAST`] measured cells that do not lie on a line; otherwise it is NaN.
 //!
-//! Cost: about 20 operations per neighbour (56 at 3 cells where all are measured).
-//! `cargo bench -p rugosa` prints the time.
+//! Cost: 18 operations for each offset (37 at 3 cells) and four cells, and some 300 for each
+//! measured cell, whatever the size of the map. `cargo bench -p rugosa` prints the time.
+//!
+//! Rejected: one cell's neighbours four at a time (three times the instructions on a sweep of
+//! rings), one measured neighbour after another (twice the time: each end of a run of bits is
+//! a branch that the processor cannot foresee).
 
 use super::Limits;
+use core::ops::Range;
 use rugosa_fractal::roughness::Roughness;
-use rugosa_grid::{TILE, Tile, math};
+use rugosa_grid::{TILE, Tile, TileBits, math};
 use rugosa_terrain::ElevationGrid;
 use wide::f32x4;
 
-/// Fewest measured cells of a slope.
+/// Fewest measured cells of a slope, its own among them.
 pub const LEAST: f32 = 4.0;
 /// Greatest radius of the disc in cells.
 pub const REACH: i32 = 8;
@@ -41,13 +48,8 @@ pub const REACH: i32 = 8;
 /// Keeps variances positive \[m²\].
 const TINY: f32 = 1e-12;
 
-/// Neighbours that are looked at together.
-const LANES: usize = 4;
-/// Side of a tile with its margin; rows are longer, so that the last four can be read.
+/// Side of a tile with its margin.
 const SIDE: usize = (TILE + 2 * REACH) as usize;
-/// Columns of the widest disc, in fours.
-const WIDTH: usize = (2 * REACH as usize + 1).next_multiple_of(LANES);
-const LONG: usize = TILE as usize + WIDTH;
 
 /// What the ground around a cell is like.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,23 +65,34 @@ pub struct Features {
 }
 
 /// Elevations and variances of a tile and its margin, row by row.
-pub(crate) struct Patch([Strip; SIDE]);
+pub(crate) struct Patch {
+    strips: [Strip; SIDE],
+    /// elevation that those of the strips are relative to \[m\]
+    datum: f32,
+    /// greatest variance \[m²\]
+    variance: f32,
+}
 
 /// A row of them.
 #[derive(Clone, Copy)]
 struct Strip {
-    elevation: [f32; LONG],
-    /// above 0 where measured, else 0
-    variance: [f32; LONG],
+    /// above the datum; 0 where not measured \[m\]
+    elevation: [f32; SIDE],
+    /// above 0 where measured, else anything \[m²\]
+    variance: [f32; SIDE],
+    /// 0 where measured, else −[`FAR`]
+    gap: [f32; SIDE],
     /// bit x: measured?
     measured: u32,
 }
 
+/// Farther than any elevation.
+const FAR: f32 = 1e30;
+
 /// Squared distances in cells that occur in a disc.
 const SQUARES: usize = (REACH * REACH + 2) as usize;
 
-/// What the features of a tile depend on besides its elevations: the disc around a cell, by
-/// the distance of its rows, from its first column on.
+/// What the features of a tile depend on besides its elevations: the disc around a cell.
 pub(crate) struct Around {
     /// cell edge \[m\]
     resolution: f32,
@@ -87,49 +100,34 @@ pub(crate) struct Around {
     radius: i32,
     /// the step that must not be exceeded \[m\]
     limit: f32,
-    rows: [DiscRow; REACH as usize + 1],
+    /// the disc without its middle, by the distance of its rows; bit x: is the cell x − radius
+    /// in it?
+    rows: [u32; REACH as usize + 1],
+    /// half the width of its rows
+    widths: [i32; REACH as usize + 1],
     /// σ² d^{2H} by squared distance in cells; 0 where the roughness is not known
     hidden: [f32; SQUARES],
-}
-
-/// A row of the disc, without its middle.
-#[derive(Clone, Copy)]
-struct DiscRow {
-    /// 1 in the disc, 0 beside it
-    within: [f32; WIDTH],
-    /// bit x: in the disc?
-    bits: u32,
 }
 
 impl Around {
     /// For cells of `resolution` \[m\], in the limits' window, on ground of this roughness.
     pub(crate) fn new(resolution: f32, limits: &Limits, roughness: Option<&Roughness>) -> Self {
         let radius = disc(limits.window / resolution);
-        let mut around = Around {
+        let (mut rows, mut widths) = ([0; REACH as usize + 1], [0; REACH as usize + 1]);
+        for y in 0..=radius {
+            for x in (-radius..=radius).filter(|&x| is_within(radius, x, y)) {
+                rows[y as usize] |= 1 << (x + radius);
+                widths[y as usize] = x;
+            }
+        }
+        Around {
             resolution,
             radius,
             limit: limits.step.critical,
-            rows: [DiscRow {
-                within: [0.0; WIDTH],
-                bits: 0,
-            }; REACH as usize + 1],
+            rows,
+            widths,
             hidden: variances(resolution, radius, roughness),
-        };
-        for y in 0..=radius {
-            for x in (-radius..=radius).filter(|&x| is_within(radius, x, y)) {
-                let (row, column) = (&mut around.rows[y as usize], (x + radius) as usize);
-                row.within[column] = 1.0;
-                row.bits |= 1 << column;
-            }
         }
-        around
-    }
-
-    /// Where the fours of columns begin.
-    #[inline(always)]
-    fn columns(&self) -> impl Iterator<Item = usize> + use<> {
-        let fours = (2 * self.radius as usize + 1).div_ceil(LANES);
-        (0..fours).map(|four| four * LANES)
     }
 
     /// Cells around a tile that its features depend on.
@@ -159,103 +157,166 @@ fn is_within(radius: i32, x: i32, y: i32) -> bool {
     (1..=radius * radius + 1).contains(&(x * x + y * y))
 }
 
+impl Strip {
+    const EMPTY: Strip = Strip {
+        elevation: [0.0; SIDE],
+        variance: [0.0; SIDE],
+        gap: [-FAR; SIDE],
+        measured: 0,
+    };
+
+    fn empty(&mut self) {
+        (self.elevation, self.gap) = (Strip::EMPTY.elevation, Strip::EMPTY.gap);
+        self.measured = 0;
+    }
+}
+
 impl Patch {
     /// Nothing measured.
     pub(crate) const fn new() -> Self {
-        let strip = Strip {
-            elevation: [0.0; LONG],
-            variance: [0.0; LONG],
-            measured: 0,
-        };
-        Patch([strip; SIDE])
+        Patch {
+            strips: [Strip::EMPTY; SIDE],
+            datum: 0.0,
+            variance: 0.0,
+        }
     }
 
-    /// Unpacks a tile and `margin` cells around it into an empty patch.
-    pub(crate) fn fill(&mut self, grid: &ElevationGrid, tile: Tile, margin: i32) {
+    /// Unpacks a tile and `margin` cells around it, those that are `measured`.
+    pub(crate) fn fill(
+        &mut self,
+        grid: &ElevationGrid,
+        tile: Tile,
+        margin: i32,
+        measured: impl Fn(Tile) -> TileBits,
+    ) {
+        let around: [TileBits; 9] = core::array::from_fn(|i| {
+            let (x, y) = (i as i32 % 3 - 1, i as i32 / 3 - 1);
+            measured(Tile::new(tile.x.wrapping_add(x), tile.y.wrapping_add(y)))
+        });
         let corner = tile.origin().offset(-REACH, -REACH);
         let window = grid.window();
-        let columns: [_; SIDE] =
-            core::array::from_fn(|x| window.column_part(corner.x.wrapping_add(x as i32)));
-        let reached = (REACH - margin) as usize..(TILE + REACH + margin) as usize;
-        for y in reached.clone() {
-            let Some(row) = window.row_part(corner.y.wrapping_add(y as i32)) else {
-                continue;
-            };
-            for x in reached.clone() {
-                if let Some(ground) = columns[x].and_then(|column| grid.elevation(row + column)) {
-                    self.set([x, y], ground);
+        let columns: [usize; SIDE] = core::array::from_fn(|x| {
+            let column = window.column_part(corner.x.wrapping_add(x as i32));
+            column.unwrap_or_default()
+        });
+        let reached = (1 << (TILE + 2 * margin)) - 1 << (REACH - margin);
+        let mut is_first = true;
+        self.variance = 0.0;
+        for y in (REACH - margin) as usize..(TILE + REACH + margin) as usize {
+            self.strips[y].empty();
+            let row = |i: usize| (around[y / 8 * 3 + i] >> (8 * (y % 8))) as u32 & 0xff;
+            let bits_of_row = (row(0) | row(1) << 8 | row(2) << 16) & reached;
+            let start = window.row_part(corner.y.wrapping_add(y as i32)).unwrap_or_default();
+            for x in bits(bits_of_row) {
+                let ground = grid.elevation(start + columns[x]);
+                if core::mem::take(&mut is_first) {
+                    self.datum = ground[0];
                 }
+                self.set([x, y], ground);
             }
         }
     }
 
+    #[inline(always)]
     fn set(&mut self, [x, y]: [usize; 2], [elevation, variance]: [f32; 2]) {
-        let strip = &mut self.0[y];
-        strip.elevation[x] = elevation;
+        let strip = &mut self.strips[y];
+        strip.elevation[x] = elevation - self.datum;
         strip.variance[x] = variance + TINY;
+        self.variance = self.variance.max(variance + TINY);
+        strip.gap[x] = 0.0;
         strip.measured |= 1 << x;
     }
 
-    /// Features of the cells of one row of the tile; `None` where not measured.
-    pub(crate) fn row(&self, row: usize, around: &Around) -> [Option<Features>; TILE as usize] {
-        let measured = self.0[row + REACH as usize].measured >> REACH;
-        core::array::from_fn(|column| {
-            let is_measured = measured >> column & 1 > 0;
-            is_measured.then(|| self.cell([row, column], around))
+    /// Calls `each` with the column and the features of each measured cell of one row of the
+    /// tile.
+    #[inline(always)]
+    pub(crate) fn row(&self, row: usize, around: &Around, mut each: impl FnMut(usize, Features)) {
+        let row = row + REACH as usize;
+        for first in (0..TILE as usize).step_by(LANES) {
+            let column = first + REACH as usize;
+            let measured = self.strips[row].measured >> column & ALL_LANES;
+            if measured == 0 {
+                continue;
+            }
+            let discs = Discs::new(self, [row, column], around);
+            let squares = discs.gradient_squares(around.resolution).to_array();
+            let steps = discs.steps(lanes(&self.strips[row].elevation[column..])).to_array();
+            for lane in bits(measured) {
+                let place = [row, column + lane];
+                let features = Features {
+                    slope: math::atan2(math::sqrt(squares[lane]), 1.0),
+                    step: steps[lane],
+                    hidden_step: self.hidden_step(place, around, steps[lane]),
+                    uncertainty: math::sqrt(self.strips[row].variance[place[1]]),
+                };
+                each(first + lane, features);
+            }
+        }
+    }
+
+    /// The greatest chance that a step hides at a cell whose highest step is this one.
+    #[inline(always)]
+    fn hidden_step(&self, place: [usize; 2], around: &Around, step: f32) -> f32 {
+        let (own, limit) = (self.strips[place[0]].variance[place[1]], around.limit);
+        let unseen = self.farthest_unseen(place, around) as usize;
+        let mut worst = Worst {
+            margin: limit * limit,
+            spread: own + around.hidden[unseen],
+        };
+        let rest = limit - step;
+        // no neighbour's quotient is less than this one
+        if rest < 0.0 || worst.is_less(rest * rest, own + self.variance) {
+            self.ask_neighbours(place, around, &mut worst);
+        }
+        exceeds(worst.margin, worst.spread, limit)
+    }
+
+    /// Squared distance of the farthest cell of the disc that is not measured; 0 if all are.
+    #[inline(always)]
+    fn farthest_unseen(&self, [row, column]: [usize; 2], around: &Around) -> i32 {
+        let (radius, left) = (around.radius, column - around.radius as usize);
+        let rows = &self.strips[row - radius as usize..][..2 * radius as usize + 1];
+        rows.iter().zip(-radius..).fold(0, |farthest, (strip, y)| {
+            let disc = around.rows[y.unsigned_abs() as usize];
+            farthest.max(farthest_square(disc & !(strip.measured >> left), radius, y))
         })
     }
 
-    fn cell(&self, [row, column]: [usize; 2], around: &Around) -> Features {
-        let [row, column] = [row, column].map(|i| i + REACH as usize);
-        let (elevation, variance) = (self.0[row].elevation[column], self.0[row].variance[column]);
-        let radius = around.radius as usize;
-        let (rows, left) = (&self.0[row - radius..][..2 * radius + 1], column - radius);
-        let mut measured = [0; 2 * REACH as usize + 1];
-        let mut farthest = 0;
-        for ((strip, y), measured) in rows.iter().zip(-around.radius..).zip(&mut measured) {
-            let disc = around.rows[y.unsigned_abs() as usize].bits;
-            *measured = strip.measured >> left & disc;
-            farthest = farthest.max(farthest_square(disc & !*measured, around.radius, y));
-        }
-        let unseen = around.hidden[farthest as usize];
-        let mut sums = Sums::default();
-        let mut worst = Worst::unseen(around.limit, variance + unseen);
-        for first in around.columns() {
-            let mut columns = Columns::new([elevation, variance]);
-            for ((strip, y), measured) in rows.iter().zip(-around.radius..).zip(&measured) {
-                if measured >> first & ALL_LANES == 0 {
-                    continue;
-                }
-                let near = Neighbours {
-                    elevation: four(&strip.elevation, left + first),
-                    variance: four(&strip.variance, left + first),
-                    within: four(&around.rows[y.unsigned_abs() as usize].within, first),
-                };
-                columns.add(&near, y as f32, around.limit);
+    fn ask_neighbours(&self, [row, column]: [usize; 2], around: &Around, worst: &mut Worst) {
+        let own = &self.strips[row];
+        let (elevation, variance) = (own.elevation[column], own.variance[column]);
+        let (radius, left) = (around.radius, column - around.radius as usize);
+        let rows = &self.strips[row - radius as usize..][..2 * radius as usize + 1];
+        for (strip, y) in rows.iter().zip(-radius..) {
+            let disc = around.rows[y.unsigned_abs() as usize];
+            for x in bits(strip.measured >> left & disc).map(|i| left + i) {
+                let rest = around.limit - math::abs(strip.elevation[x] - elevation);
+                worst.meet(rest * math::abs(rest), variance + strip.variance[x]);
             }
-            sums.add(&columns, first as f32 - around.radius as f32);
-            worst.meet(&columns);
-        }
-        let (step, [margin, spread]) = worst.of_all();
-        Features {
-            slope: sums.slope(around.resolution),
-            step,
-            hidden_step: exceeds(margin, spread, around.limit),
-            uncertainty: math::sqrt(variance),
         }
     }
+}
+
+/// The places of the bits that are set, ascending.
+#[inline(always)]
+fn bits(mut set: u32) -> impl Iterator<Item = usize> {
+    core::iter::from_fn(move || {
+        (set != 0).then(|| {
+            let place = set.trailing_zeros() as usize;
+            set &= set - 1;
+            place
+        })
+    })
 }
 
 /// Squared distance of the farthest of some cells of row `y`; 0 if there is none.
 #[inline(always)]
 fn farthest_square(bits: u32, radius: i32, y: i32) -> i32 {
-    if bits == 0 {
-        return 0;
-    }
-    let left = radius - bits.trailing_zeros() as i32;
-    let right = 31 - bits.leading_zeros() as i32 - radius;
+    let left = radius - (bits | 1 << 31).trailing_zeros() as i32;
+    let right = 31 - (bits | 1).leading_zeros() as i32 - radius;
     let x = left.max(right);
-    x * x + y * y
+    // without a branch: which cells were seen is hard to foresee
+    (x * x + y * y) * i32::from(bits != 0)
 }
 
 /// Radius in whole cells, 1 … [`REACH`].
@@ -263,182 +324,146 @@ fn disc(cells: f32) -> i32 {
     math::round_index(cells).clamp(1, REACH)
 }
 
-/// One number for each of four columns of a disc.
+/// One number for each of four neighbouring cells.
 type Lanes = f32x4;
-
-/// Four numbers of a row.
-#[inline(always)]
-fn four<const N: usize>(row: &[f32; N], first: usize) -> Lanes {
-    // one check of the bounds for all
-    let four = row[first..].first_chunk::<LANES>();
-    Lanes::from(four.copied().unwrap_or_default())
-}
-
+const LANES: usize = 4;
 /// One bit for each.
 const ALL_LANES: u32 = (1 << LANES) - 1;
 
-/// Four cells of a row of the disc.
-struct Neighbours {
-    elevation: Lanes,
-    /// 0 where not measured
-    variance: Lanes,
-    within: Lanes,
+/// Four numbers.
+#[inline(always)]
+fn lanes(four: &[f32]) -> Lanes {
+    Lanes::from(four.first_chunk::<LANES>().copied().unwrap_or_default())
 }
 
-/// Sums over the rows of the disc, for four columns.
-struct Columns {
-    elevation: Lanes,
-    variance: Lanes,
-    count: Lanes,
-    y: Lanes,
-    yy: Lanes,
-    z: Lanes,
-    yz: Lanes,
-    step: Lanes,
-    /// (limit − |Δ|) |limit − |Δ|| and s² of the neighbour most likely to exceed the limit:
-    /// that of their least quotient
-    margin: Lanes,
-    spread: Lanes,
-}
-
-/// Greater than any numerator.
-const FAR: f32 = 1e30;
-
-impl Columns {
-    /// Around a cell of this elevation and variance.
-    fn new([elevation, variance]: [f32; 2]) -> Self {
-        Columns {
-            elevation: Lanes::splat(elevation),
-            variance: Lanes::splat(variance),
-            count: Lanes::ZERO,
-            y: Lanes::ZERO,
-            yy: Lanes::ZERO,
-            z: Lanes::ZERO,
-            yz: Lanes::ZERO,
-            step: Lanes::ZERO,
-            margin: Lanes::splat(FAR),
-            spread: Lanes::splat(1.0),
-        }
-    }
-
-    #[inline(always)]
-    fn add(&mut self, near: &Neighbours, y: f32, limit: f32) {
-        let (y, limit) = (Lanes::splat(y), Lanes::splat(limit));
-        let is_measured = near.variance.simd_gt(Lanes::ZERO);
-        let count = near.within & is_measured;
-        let rise = (near.elevation - self.elevation) * count;
-        self.count += count;
-        self.y += y * count;
-        self.yy += y * y * count;
-        self.z += rise;
-        self.yz += y * rise;
-        let rise = rise.abs();
-        self.step = self.step.fast_max(rise);
-        // 0 where nothing is measured and beside the disc, so never the worst
-        let spread = (self.variance + near.variance) * count;
-        let rest = limit - rise;
-        let margin = rest * rest.abs();
-        // a / b < c / d without a division, b and d being positive
-        let worse = (margin * self.spread).simd_lt(self.margin * spread);
-        self.margin = worse.select(margin, self.margin);
-        self.spread = worse.select(spread, self.spread);
-    }
-}
-
-/// Sum of four, in this order on every machine.
-fn total(lanes: Lanes) -> f32 {
-    let [a, b, c, d] = lanes.to_array();
-    (a + c) + (b + d)
-}
-
-/// Sums over the cells of the disc without its middle, in four parts.
+/// What the measured cells of a row of the disc add up to, for four cells.
 #[derive(Default)]
-struct Sums {
+struct Row {
     count: Lanes,
-    /// Σx, Σy, Σz
-    first: [Lanes; 3],
-    /// Σxx, Σxy, Σyy, Σxz, Σyz
-    second: [Lanes; 5],
+    x: Lanes,
+    xx: Lanes,
+    z: Lanes,
+    xz: Lanes,
 }
 
-impl Sums {
-    /// Adds four columns, the first of them at `first`.
+/// What the measured cells of the disc, its middle among them, add up to, for four cells.
+struct Discs {
+    row: Row,
+    y: Lanes,
+    xy: Lanes,
+    yy: Lanes,
+    yz: Lanes,
+    /// elevation
+    highest: Lanes,
+    lowest: Lanes,
+}
+
+impl Discs {
+    /// Around the cells at `column` and the next three of `row`.
     #[inline(always)]
-    fn add(&mut self, columns: &Columns, first: f32) {
-        const STEPS: [f32; LANES] = [0.0, 1.0, 2.0, 3.0];
-        let x = Lanes::splat(first) + Lanes::from(STEPS);
-        let across = x * columns.count;
-        self.count += columns.count;
-        let first = [across, columns.y, columns.z];
-        let second = [
-            x * across,
-            x * columns.y,
-            columns.yy,
-            x * columns.z,
-            columns.yz,
-        ];
-        self.first
-            .iter_mut()
-            .zip(first)
-            .for_each(|(s, of)| *s += of);
-        self.second
-            .iter_mut()
-            .zip(second)
-            .for_each(|(s, of)| *s += of);
+    fn new(patch: &Patch, [row, column]: [usize; 2], around: &Around) -> Self {
+        let mut discs = Discs {
+            row: Row::default(),
+            y: Lanes::ZERO,
+            xy: Lanes::ZERO,
+            yy: Lanes::ZERO,
+            yz: Lanes::ZERO,
+            highest: Lanes::splat(-FAR),
+            lowest: Lanes::splat(FAR),
+        };
+        let rows = &patch.strips[row - around.radius as usize..][..2 * around.radius as usize + 1];
+        for (strip, y) in rows.iter().zip(-around.radius..) {
+            let width = around.widths[y.unsigned_abs() as usize];
+            let reached = column - width as usize..column + width as usize + LANES;
+            if strip.measured >> reached.start & ((1 << reached.len()) - 1) == 0 {
+                continue;
+            }
+            discs.meet(strip, reached, [-width, y].map(|i| Lanes::splat(i as f32)));
+        }
+        discs
     }
 
-    /// Slope of the plane; x, y and z are counted from the middle, which is one cell more.
-    fn slope(&self, resolution: f32) -> f32 {
-        let n = 1.0 + total(self.count);
-        let [x, y, z] = self.first.map(total);
-        let [xx, xy, yy, xz, yz] = self.second.map(total);
-        let (xx, xy, yy) = (xx - x * x / n, xy - x * y / n, yy - y * y / n);
-        let (xz, yz) = (xz - x * z / n, yz - y * z / n);
-        let det = xx * yy - xy * xy;
-        if n < LEAST || det < 0.1 {
-            return f32::NAN;
+    /// A row of the discs, from x to −x columns east of their middles and y north.
+    #[inline(always)]
+    fn meet(&mut self, strip: &Strip, reached: Range<usize>, [mut x, y]: [Lanes; 2]) {
+        let planes = [&strip.elevation, &strip.gap];
+        let [elevations, gaps] = planes.map(|plane| plane[reached.clone()].windows(LANES));
+        let mut row = Row::default();
+        for (z, gap) in elevations.zip(gaps) {
+            let [z, gap] = [z, gap].map(lanes);
+            let count = gap.simd_eq(Lanes::ZERO) & Lanes::ONE;
+            let across = x * count;
+            row.count += count;
+            row.x += across;
+            row.xx += x * across;
+            row.z += z;
+            row.xz += x * z;
+            self.highest = self.highest.fast_max(z + gap);
+            self.lowest = self.lowest.fast_min(z - gap);
+            x += Lanes::ONE;
         }
-        let east = (xz * yy - yz * xy) / det;
-        let north = (yz * xx - xz * xy) / det;
-        math::atan2(math::sqrt(east * east + north * north), resolution)
+        self.add(&row, y);
+    }
+
+    #[inline(always)]
+    fn add(&mut self, row: &Row, y: Lanes) {
+        let up = y * row.count;
+        self.row.count += row.count;
+        self.row.x += row.x;
+        self.row.xx += row.xx;
+        self.row.z += row.z;
+        self.row.xz += row.xz;
+        self.y += up;
+        self.yy += y * up;
+        self.xy += y * row.x;
+        self.yz += y * row.z;
+    }
+
+    /// Squared gradients of the planes \[(m/m)²\]; NaN where too little was measured.
+    #[inline(always)]
+    fn gradient_squares(&self, resolution: f32) -> Lanes {
+        let Row { count, x, xx, z, xz } = &self.row;
+        let share = Lanes::ONE / *count;
+        let (mean_x, mean_y) = (*x * share, self.y * share);
+        let xx = *xx - *x * mean_x;
+        let xy = self.xy - *x * mean_y;
+        let yy = self.yy - self.y * mean_y;
+        let (xz, yz) = (*xz - mean_x * *z, self.yz - mean_y * *z);
+        let det = xx * yy - xy * xy;
+        let (east, north) = (xz * yy - yz * xy, yz * xx - xz * xy);
+        let scale = det * Lanes::splat(resolution);
+        let is_plane = count.simd_ge(Lanes::splat(LEAST)) & det.simd_ge(Lanes::splat(0.1));
+        let square = (east * east + north * north) / (scale * scale);
+        is_plane.select(square, Lanes::splat(f32::NAN))
+    }
+
+    /// Greatest differences of elevation to the cells.
+    #[inline(always)]
+    fn steps(&self, own: Lanes) -> Lanes {
+        (self.highest - own).fast_max(own - self.lowest)
     }
 }
 
-/// The highest steps, and the neighbours most likely to exceed the limit, in four parts.
+/// The neighbour most likely to exceed the limit.
 struct Worst {
-    step: Lanes,
-    /// as of [`Columns`]
-    margin: Lanes,
-    spread: Lanes,
+    /// (limit − |Δ|) |limit − |Δ|| and s²: their quotient is the least
+    margin: f32,
+    spread: f32,
 }
 
 impl Worst {
-    /// Nothing but a cell whose elevation differs by 0, with this variance.
-    fn unseen(limit: f32, spread: f32) -> Self {
-        Worst {
-            step: Lanes::ZERO,
-            margin: Lanes::splat(limit * limit),
-            spread: Lanes::splat(spread),
-        }
+    /// Is this quotient less?
+    #[inline(always)]
+    fn is_less(&self, margin: f32, spread: f32) -> bool {
+        // a / b < c / d without a division, b and d being positive
+        margin * self.spread < self.margin * spread
     }
 
     #[inline(always)]
-    fn meet(&mut self, columns: &Columns) {
-        self.step = self.step.fast_max(columns.step);
-        let worse = (columns.margin * self.spread).simd_lt(self.margin * columns.spread);
-        self.margin = worse.select(columns.margin, self.margin);
-        self.spread = worse.select(columns.spread, self.spread);
-    }
-
-    /// The highest step; margin and spread of the worst neighbour.
-    fn of_all(&self) -> (f32, [f32; 2]) {
-        let [steps, margins, spreads] = [self.step, self.margin, self.spread].map(Lanes::to_array);
-        let step = steps
-            .into_iter()
-            .fold(0.0, |a, b| if b > a { b } else { a });
-        let worse = |a: [f32; 2], b: [f32; 2]| if b[0] * a[1] < a[0] * b[1] { b } else { a };
-        let of = |i: usize| [margins[i], spreads[i]];
-        (step, worse(worse(of(0), of(1)), worse(of(2), of(3))))
+    fn meet(&mut self, margin: f32, spread: f32) {
+        if self.is_less(margin, spread) {
+            (self.margin, self.spread) = (margin, spread);
+        }
     }
 }
 
@@ -473,6 +498,13 @@ mod tests {
         patch
     }
 
+    /// Features of a row of the tile; `None` where not measured.
+    fn row(patch: &Patch, row: usize, around: &Around) -> [Option<Features>; 8] {
+        let mut features = [None; 8];
+        patch.row(row, around, |column, f| features[column] = Some(f));
+        features
+    }
+
     fn around(roughness: Option<&Roughness>) -> Around {
         let mut limits = Limits::default();
         limits.step.critical = 0.2;
@@ -482,7 +514,7 @@ mod tests {
     #[test]
     fn a_plane_has_its_slope_and_the_step_of_its_window() {
         let patch = patch(|x, y| Some(5.0 + 0.3 * x - 0.4 * y));
-        for features in patch.row(3, &around(None)).map(Option::unwrap) {
+        for features in row(&patch, 3, &around(None)).map(Option::unwrap) {
             assert!((features.slope - 0.5f32.atan()).abs() < 1e-4);
             assert!((features.step - 0.15).abs() < 0.01, "{}", features.step);
             assert!(features.hidden_step < 1e-6);
@@ -492,12 +524,12 @@ mod tests {
     #[test]
     fn a_step_is_seen_from_its_neighbourhood_only() {
         let patch = patch(|x, _| Some(if x > 1.15 { 0.5 } else { 0.0 }));
-        let row = patch.row(0, &around(None)).map(Option::unwrap);
+        let cells = row(&patch, 0, &around(None)).map(Option::unwrap);
         // the tile begins at column 8; the wall stands between columns 11 and 12
-        assert_eq!(row[0].step, 0.0);
-        assert!((row[1].step - 0.5).abs() < 1e-6 && (row[6].step - 0.5).abs() < 1e-6);
-        assert_eq!(row[7].step, 0.0);
-        assert!(row[3].hidden_step > 0.999 && row[0].hidden_step < 1e-6);
+        assert_eq!(cells[0].step, 0.0);
+        assert!((cells[1].step - 0.5).abs() < 1e-6 && (cells[6].step - 0.5).abs() < 1e-6);
+        assert_eq!(cells[7].step, 0.0);
+        assert!(cells[3].hidden_step > 0.999 && cells[0].hidden_step < 1e-6);
     }
 
     #[test]
@@ -509,7 +541,7 @@ mod tests {
             ..Roughness::default()
         };
         let chance = |sigma| {
-            patch.row(4, &around(Some(&rough(sigma))))[2]
+            row(&patch, 4, &around(Some(&rough(sigma))))[2]
                 .unwrap()
                 .hidden_step
         };
@@ -517,7 +549,7 @@ mod tests {
         // σ(0.3 m) = 0.5 √0.3 = 0.274: P(|Δ| > 0.2) = erfc(0.2 / (0.274 √2)) = 0.465
         assert!((chance(0.5) - 0.465).abs() < 0.03, "{}", chance(0.5));
         assert!(
-            patch.row(0, &around(Some(&rough(0.5))))[0]
+            row(&patch, 0, &around(Some(&rough(0.5))))[0]
                 .unwrap()
                 .hidden_step
                 < 1e-4
@@ -594,9 +626,9 @@ mod tests {
                     patch.set([x as usize, y as usize], ground);
                 }
             }
-            for row in 0..TILE {
-                for (column, found) in patch.row(row as usize, &around).into_iter().enumerate() {
-                    let place = [column as i32 + REACH, row + REACH];
+            for y in 0..TILE {
+                for (column, found) in row(&patch, y as usize, &around).into_iter().enumerate() {
+                    let place = [column as i32 + REACH, y + REACH];
                     prop_assert_eq!(found.is_some(), at(place[0], place[1]).is_some());
                     let Some(found) = found else { continue };
                     let exact = |x, y| at(x, y).map(|ground| ground.map(f64::from));
@@ -617,6 +649,6 @@ mod tests {
     #[test]
     fn too_little_is_no_slope() {
         let patch = patch(|x, y| ((y - 1.2).abs() < 0.05 && x < 1.25).then_some(x));
-        assert!(patch.row(4, &around(None))[2].unwrap().slope.is_nan());
+        assert!(row(&patch, 4, &around(None))[2].unwrap().slope.is_nan());
     }
 }
