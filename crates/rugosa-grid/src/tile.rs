@@ -38,11 +38,56 @@ impl Tile {
         Cell::new(self.x * TILE, self.y * TILE)
     }
 
+    /// The 3 × 3 tiles around it, row by row from the south-west, itself in the middle.
+    ///
+    /// ```
+    /// use rugosa_grid::Tile;
+    /// let around = Tile::new(5, 7).around();
+    /// assert_eq!([around[0], around[2], around[4]], [Tile::new(4, 6), Tile::new(6, 6), Tile::new(5, 7)]);
+    /// ```
+    pub fn around(self) -> [Tile; 9] {
+        core::array::from_fn(|i| {
+            let (x, y) = (i as i32 % 3 - 1, i as i32 / 3 - 1);
+            Tile::new(self.x.wrapping_add(x), self.y.wrapping_add(y))
+        })
+    }
+
     /// Its 64 cells, row by row, whether the window holds them or not.
     pub fn cells(self) -> impl Iterator<Item = Cell> {
         let origin = self.origin();
         (0..TILE * TILE).map(move |i| origin.offset(i % TILE, i / TILE))
     }
+
+    /// Those of its cells that `bits` names, row by row.
+    ///
+    /// ```
+    /// use rugosa_grid::{Cell, Tile};
+    /// let (west, north) = (1 << 0, 1 << 56);
+    /// let cells: Vec<Cell> = Tile::new(1, -1).cells_of(west | north).collect();
+    /// assert_eq!(cells, [Cell::new(8, -8), Cell::new(8, -1)]);
+    /// ```
+    #[inline]
+    pub fn cells_of(self, bits: TileBits) -> impl Iterator<Item = Cell> {
+        let origin = self.origin();
+        let places = places_of(bits).map(|place| place as i32);
+        places.map(move |i| origin.offset(i % TILE, i / TILE))
+    }
+}
+
+/// The places of the bits that are set, ascending.
+///
+/// ```
+/// assert!(rugosa_grid::tile::places_of(0b1001_0010).eq([1, 4, 7]));
+/// ```
+#[inline(always)]
+pub fn places_of(mut bits: u64) -> impl Iterator<Item = usize> {
+    core::iter::from_fn(move || {
+        (bits != 0).then(|| {
+            let place = bits.trailing_zeros() as usize;
+            bits &= bits - 1;
+            place
+        })
+    })
 }
 
 /// The square of tiles that a window touches.

@@ -25,7 +25,7 @@ use rugosa_fractal::roughness::{
     Committed, Method, Pool, Settings, StructureFunction, Trend, estimate,
 };
 use rugosa_grid::{Cell, Lattice, Tile, Tiles, Window};
-use rugosa_terrain::grid::{Point, SavedCell, Survey, Tally, View};
+use rugosa_terrain::grid::{Point, SavedCell, Tally, View};
 use rugosa_terrain::{
     ElevationGrid, Fused, GridConfig, Noise, PoseBuffer, PoseError, Ray, SampleChoice,
 };
@@ -271,19 +271,20 @@ impl<'m> Mapper<'m> {
             self.config.iterations as usize,
         );
         observe(Stage::Reconstruction);
-        let survey = self.surface.survey(self.progress.sweep() as u16);
+        let census = self.surface.grid.census();
+        self.surface.mark_touched(self.progress.sweep() as u16);
         self.surface.judge(&self.config.limits);
         observe(Stage::Traversability);
         self.counters.count(counter::SWEEPS);
-        self.counters.set(counter::CELLS_MEASURED, survey.measured);
+        self.counters.set(counter::CELLS_MEASURED, census.measured);
         self.counters
-            .set(counter::CELLS_SEEN_THROUGH, survey.seen_through);
+            .set(counter::CELLS_SEEN_THROUGH, census.seen_through);
         SweepReport {
             sweep: self.progress.sweep(),
             lines: self.progress.lines(),
             samples: committed.added,
             tiles: refreshed,
-            measured: survey.measured,
+            measured: census.measured,
             reconstruction,
             roughness,
         }
@@ -527,14 +528,14 @@ impl Surface<'_> {
     fn judge(&mut self, limits: &Limits) {
         let tiles = Tiles::of(self.grid.window());
         let sums = self.structure.tiles();
-        let measured = |tile| tiles.slot(tile).map_or(0, |slot| sums[slot].measured());
+        let measured = |near| tiles.slot(near).map_or(0, |slot| sums[slot].measured());
         let mut judging = self.costs.judging(&self.grid, limits);
         for tile in tiles.tiles() {
             if !self.ground.take_cost_stale(&tiles, tile) {
                 continue;
             }
             let roughness = self.ground.get(&tiles, tile).and_then(|g| g.estimate.ok());
-            if judging.judge(tile, roughness.as_ref(), measured)
+            if judging.judge(tile, roughness.as_ref(), &tile.around().map(measured))
                 && let Some(ground) = self.ground.get_mut(&tiles, tile)
             {
                 ground.unsent |= outbox::COSTS;
@@ -542,19 +543,17 @@ impl Surface<'_> {
         }
     }
 
-    /// Counts the cells by state and marks the tiles that this sweep touched.
-    fn survey(&mut self, sweep: u16) -> Survey {
-        let mut survey = Survey::default();
+    /// Marks the tiles that this sweep touched.
+    fn mark_touched(&mut self, sweep: u16) {
         self.ground.untouched();
         let tiles = Tiles::of(self.grid.window());
+        let sums = self.structure.tiles();
         for tile in tiles.tiles() {
-            let of_tile = self.grid.survey(tile, sweep);
-            survey.add(&of_tile);
-            if of_tile.touched > 0 {
+            let measured = tiles.slot(tile).map_or(0, |slot| sums[slot].measured());
+            if self.grid.is_touched(tile, measured, sweep) {
                 self.ground.changed(&tiles, tile);
             }
         }
-        survey
     }
 }
 

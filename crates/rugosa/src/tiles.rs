@@ -91,11 +91,9 @@ impl<'m> Ground<'m> {
     }
 
     fn each_around(&mut self, tiles: &Tiles, tile: Tile, apply: impl Fn(&mut TileGround)) {
-        for y in -1..=1 {
-            for x in -1..=1 {
-                if let Some(near) = self.get_mut(tiles, Tile::new(tile.x + x, tile.y + y)) {
-                    apply(near);
-                }
+        for near in tile.around() {
+            if let Some(near) = self.get_mut(tiles, near) {
+                apply(near);
             }
         }
     }

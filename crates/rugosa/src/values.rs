@@ -93,10 +93,11 @@ impl Mapper<'_> {
         let around = Around::new(resolution, self.limits(), roughness.as_ref());
         let mut patch = Patch::new();
         let grid = self.grid();
-        patch.fill(grid, tile, around.margin(), |near| grid.measured(near));
+        let measured = tile.around().map(|near| grid.measured(near));
+        patch.fill(grid, tile, around.margin(), &measured);
         core::array::from_fn(|row| {
             let mut features = [None; TILE as usize];
-            patch.row(row, &around, |column, of_cell| {
+            patch.row(row, &around, &mut |column, of_cell| {
                 features[column] = Some(of_cell);
             });
             features

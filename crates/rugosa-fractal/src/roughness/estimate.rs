@@ -123,31 +123,29 @@ pub fn estimate(pool: &Pool, settings: &Settings) -> Result<Roughness, Reason> {
         points[count] = point(moment, settings.method);
         count += 1;
     }
-    let points = &mut points[..count];
-    if settings.trend == Trend::Remove {
-        level(points);
-        return longest_line(points, true, side, settings);
-    }
-    let plain = longest_line(points, false, side, settings);
-    if settings.trend == Trend::Keep {
-        return plain;
-    }
+    let points = &points[..count];
     let tilt = east * east + north * north;
-    if tilt * side * side <= LEAST_FACTOR * without_tilt(&moments) {
-        return plain;
-    }
-    level(points);
-    match longest_line(points, true, side, settings) {
-        Ok(flat) if tilt > largest_tilt(&flat, side) => Ok(flat),
-        _ => plain,
+    let may_be_significant = tilt * side * side > LEAST_FACTOR * without_tilt(&moments);
+    let as_it_is = || longest_line(points, false, side, settings);
+    let levelled = || longest_line(&level(points)[..count], true, side, settings);
+    match settings.trend {
+        Trend::Remove => levelled(),
+        Trend::RemoveSignificant if may_be_significant => match levelled() {
+            Ok(flat) if tilt > largest_tilt(&flat, side) => Ok(flat),
+            _ => as_it_is(),
+        },
+        _ => as_it_is(),
     }
 }
 
 /// Takes the tilt off.
-fn level(points: &mut [Point]) {
-    for point in points {
-        point.value -= point.trend;
+fn level(points: &[Point]) -> [Point; LAGS] {
+    let mut flat = [Point::default(); LAGS];
+    for (flat, point) in flat.iter_mut().zip(points) {
+        *flat = *point;
+        flat.value -= point.trend;
     }
+    flat
 }
 
 /// V of the longest lag without the tilt \[m²\].

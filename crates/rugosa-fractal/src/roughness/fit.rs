@@ -56,9 +56,9 @@ pub(super) struct Fit {
     pub chi_square: f32,
 }
 
-/// From the line through the logarithms three rounds come within a small part of the
-/// standard error of where they would end.
-const ROUNDS: usize = 3;
+/// From the line through the logarithms two rounds come so near to where they would end that
+/// biases, deviations and stated errors of simulated surfaces are the same to a thousandth.
+const ROUNDS: usize = 2;
 
 /// Steps shrink quadratically: after one this small the next is a hundredth of the
 /// standard error at most.

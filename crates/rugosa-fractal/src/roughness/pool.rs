@@ -62,8 +62,7 @@ impl Pool {
     /// The 3 × 3 tiles around `tile`, as far as they exist.
     pub fn around(sums: &[TileSums], tiles: &Tiles, tile: Tile) -> Self {
         let mut pool = Pool::new();
-        for i in 0..9 {
-            let near = Tile::new(tile.x + i % 3 - 1, tile.y + i / 3 - 1);
+        for near in tile.around() {
             if let Some(sums) = tiles.slot(near).and_then(|slot| sums.get(slot)) {
                 pool.add(sums);
             }

@@ -24,6 +24,7 @@
 use super::offsets::{LAGS, REACH, offsets};
 use super::sums::LagSums;
 use core::array::from_fn;
+use rugosa_grid::tile::places_of;
 use rugosa_grid::{Sample, TILE, Tile, TileBits, Window, sample::PARTS};
 use wide::{i16x8, i32x4};
 
@@ -173,8 +174,7 @@ impl Block {
 
     #[inline(always)]
     fn add_pair(&self, sums: &mut LagSums, lower: usize, upper: usize) {
-        let difference =
-            |plane: &[i16; CELLS]| i32::from(plane[upper]) - i32::from(plane[lower]);
+        let difference = |plane: &[i16; CELLS]| i32::from(plane[upper]) - i32::from(plane[lower]);
         let variance = |at: usize| u32::from(self.variance[at] as u16 ^ HALF);
         *sums += &LagSums::of_differences(
             difference(&self.height),
@@ -233,18 +233,6 @@ fn places(row: usize, (x, y): (i8, i8)) -> (usize, usize) {
     (lower, upper)
 }
 
-/// The places of the bits that are set, ascending.
-#[inline(always)]
-fn places_of(mut bits: u64) -> impl Iterator<Item = usize> {
-    core::iter::from_fn(move || {
-        (bits != 0).then(|| {
-            let place = bits.trailing_zeros() as usize;
-            bits &= bits - 1;
-            place
-        })
-    })
-}
-
 /// Eight cells of a row.
 struct Eight {
     height: i16x8,
@@ -269,7 +257,7 @@ struct Lanes {
     trend: [i32x4; 2],
     spread: [i32x4; 3],
     noise: i32x4,
-    pairs: u32,
+    pairs: i16x8,
 }
 
 /// One bit for each lane.
@@ -293,7 +281,7 @@ impl Lanes {
         self.spread[1] += dx.dot(dy);
         self.spread[2] += dy.dot(dy);
         self.noise += lower.variance.dot(one) + upper.variance.dot(one);
-        self.pairs += pairs.count_ones();
+        self.pairs += one;
     }
 
     /// Makes room for the squares of another row.
@@ -303,11 +291,12 @@ impl Lanes {
     }
 
     fn add_to(&self, sums: &mut LagSums) {
-        let noise = total(self.noise) + i64::from(self.pairs) * 2 * i64::from(HALF);
+        let pairs = total(self.pairs.dot(i16x8::splat(1)));
+        let noise = total(self.noise) + pairs * 2 * i64::from(HALF);
         *sums += &LagSums {
             square: self.carried,
             absolute: total(self.absolute) as u32,
-            pairs: self.pairs,
+            pairs: pairs as u32,
             noise: noise as u32,
             trend: self.trend.map(total),
             spread: self.spread.map(|lanes| total(lanes) as i32),

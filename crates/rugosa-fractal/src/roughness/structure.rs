@@ -29,7 +29,7 @@ use rugosa_grid::{Cell, Sample, TILE, Tile, TileBits, Tiles, Window};
 
 /// So many changed samples of a tile make the row-wise pass the cheaper one. The choice
 /// depends on the machine (vector instructions), the result does not.
-pub const ROW_WISE_FROM: u16 = if cfg!(target_arch = "arm") { 20 } else { 16 };
+pub const ROW_WISE_FROM: u16 = if cfg!(target_arch = "arm") { 20 } else { 48 };
 
 /// What a commit did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -132,8 +132,9 @@ impl<'m> StructureFunction<'m> {
         let Some(own) = self.tiles.get_mut(around.slot) else {
             return;
         };
-        own.measured = (tile.cells().enumerate())
-            .fold(0, |bits, (i, cell)| bits | TileBits::from(is_measured(cell)) << i);
+        own.measured = (tile.cells().enumerate()).fold(0, |bits, (i, cell)| {
+            bits | TileBits::from(is_measured(cell)) << i
+        });
         let changes = own.changes;
         around.each(self.tiles, |near| {
             near.changed = true;

@@ -40,7 +40,7 @@ pub use fuse::{Fused, Point, Tally, View};
 pub use save::SavedCell;
 
 use cell::Gate;
-use rugosa_grid::{Cell, Lattice, Sample, State, TILE, Tile, TileBits, Window};
+use rugosa_grid::{Cell, Lattice, Sample, State, Tile, TileBits, Window};
 
 /// The elevation grid; `'m` is the life of the lent planes.
 #[derive(Debug)]
@@ -84,22 +84,11 @@ impl Ground {
 
 /// Cells by state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Survey {
+pub struct Census {
     /// cells that hold a return
     pub measured: u32,
     /// cells that a beam passed below
     pub seen_through: u32,
-    /// measured cells that a certain sweep touched last
-    pub touched: u32,
-}
-
-impl Survey {
-    /// Adds the cells of another.
-    pub fn add(&mut self, other: &Survey) {
-        self.measured += other.measured;
-        self.seen_through += other.seen_through;
-        self.touched += other.touched;
-    }
 }
 
 impl<'m> ElevationGrid<'m> {
@@ -149,26 +138,25 @@ impl<'m> ElevationGrid<'m> {
         Ok(())
     }
 
-    /// Counts the cells of a tile; `sweep` is the low 16 bits of a sweep's number.
-    pub fn survey(&self, tile: Tile, sweep: u16) -> Survey {
-        let Cell { x, y } = tile.origin();
-        let rows = (0..TILE).filter_map(|i| self.window.row_part(y.wrapping_add(i)));
-        let columns: [_; TILE as usize] =
-            core::array::from_fn(|i| self.window.column_part(x.wrapping_add(i as i32)));
-        let mut survey = Survey::default();
-        for row in rows {
-            for slot in columns.iter().flatten().map(|column| row + column) {
-                match self.samples[slot].state() {
-                    State::Unknown => {}
-                    State::SeenThrough => survey.seen_through += 1,
-                    State::Measured => {
-                        survey.measured += 1;
-                        survey.touched += u32::from(self.cells[slot].last_sweep == sweep);
-                    }
-                }
-            }
+    /// Counts the cells by state.
+    pub fn census(&self) -> Census {
+        let mut census = Census::default();
+        for sample in self.samples.iter() {
+            let state = sample.state();
+            census.measured += u32::from(state == State::Measured);
+            census.seen_through += u32::from(state == State::SeenThrough);
         }
-        survey
+        census
+    }
+
+    /// Was one of these `cells` of a tile last touched in this sweep (its low 16 bits)?
+    pub fn is_touched(&self, tile: Tile, cells: TileBits, sweep: u16) -> bool {
+        let is_of_sweep = |cell| {
+            let slot = self.window.slot(cell);
+            slot.is_some_and(|slot| self.cells[slot].last_sweep == sweep)
+        };
+        let mut asked = tile.cells_of(cells);
+        asked.any(is_of_sweep)
     }
 
     /// Metres ↔ cells.

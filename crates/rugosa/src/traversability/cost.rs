@@ -140,15 +140,15 @@ pub(crate) struct Judging<'a, 'm> {
 
 impl Judging<'_, '_> {
     /// Judges the cells of a tile anew; true where a cost changed. `measured` tells which
-    /// cells of a tile are.
+    /// cells are, of the tiles of [`Tile::around`].
     pub(crate) fn judge(
         &mut self,
         tile: Tile,
         roughness: Option<&Roughness>,
-        measured: impl Fn(Tile) -> TileBits,
+        measured: &[TileBits; 9],
     ) -> bool {
         let slots = Slots::of(self.grid.window(), tile);
-        if measured(tile) == 0 {
+        if measured[4] == 0 {
             return (0..TILE as usize)
                 .fold(false, |changed, row| self.put(&slots, row, &NONE) | changed);
         }
@@ -157,7 +157,7 @@ impl Judging<'_, '_> {
         self.patch.fill(self.grid, tile, around.margin(), measured);
         (0..TILE as usize).fold(false, |changed, row| {
             let mut costs = NONE;
-            self.patch.row(row, &around, |column, features| {
+            self.patch.row(row, &around, &mut |column, features| {
                 costs[column] = Some(judge.cost(&features));
             });
             self.put(&slots, row, &costs) | changed
@@ -167,12 +167,16 @@ impl Judging<'_, '_> {
     /// Puts the costs of a row of a tile where it is measured; true where one changed.
     fn put(&mut self, slots: &Slots, row: usize, costs: &RowCosts) -> bool {
         let mut changed = false;
-        for (column, slot) in slots.row(row) {
-            let cost = costs[column].unwrap_or_else(|| match self.grid.state_in(slot) {
+        for (measured, slot) in costs.iter().zip(slots.row(row)) {
+            let Some(held) = self.plane.get_mut(slot) else {
+                continue;
+            };
+            let cost = measured.unwrap_or_else(|| match self.grid.state_in(slot) {
                 State::SeenThrough => CellCost::new(1.0, Criterion::Hole),
                 _ => CellCost::UNKNOWN,
             });
-            changed |= core::mem::replace(&mut self.plane[slot], cost) != cost;
+            changed |= *held != cost;
+            *held = cost;
         }
         changed
     }
@@ -183,26 +187,27 @@ type RowCosts = [Option<CellCost>; TILE as usize];
 const NONE: RowCosts = [None; TILE as usize];
 
 /// Where the cells of a tile lie in the planes of a map: the sum of a part of the row and one
-/// of the column.
+/// of the column, beyond all planes where the map does not hold the cell.
 struct Slots {
-    rows: [Option<usize>; TILE as usize],
-    columns: [Option<usize>; TILE as usize],
+    rows: [usize; TILE as usize],
+    columns: [usize; TILE as usize],
 }
 
 impl Slots {
     fn of(window: &Window, tile: Tile) -> Self {
         let Cell { x, y } = tile.origin();
+        let part = |part: Option<usize>| part.unwrap_or(usize::MAX / 2);
         Slots {
-            rows: core::array::from_fn(|i| window.row_part(y.wrapping_add(i as i32))),
-            columns: core::array::from_fn(|i| window.column_part(x.wrapping_add(i as i32))),
+            rows: core::array::from_fn(|i| part(window.row_part(y.wrapping_add(i as i32)))),
+            columns: core::array::from_fn(|i| part(window.column_part(x.wrapping_add(i as i32)))),
         }
     }
 
-    /// Columns and slots of the cells of a row within the map.
-    fn row(&self, row: usize) -> impl Iterator<Item = (usize, usize)> {
-        let row = self.rows[row];
-        let columns = self.columns.iter().enumerate();
-        columns.filter_map(move |(column, &part)| Some((column, row? + part?)))
+    /// Slots of the cells of a row.
+    #[inline(always)]
+    fn row(&self, row: usize) -> impl Iterator<Item = usize> {
+        let start = self.rows[row];
+        self.columns.iter().map(move |column| start + column)
     }
 }
 

@@ -36,6 +36,7 @@
 use super::Limits;
 use core::ops::Range;
 use rugosa_fractal::roughness::Roughness;
+use rugosa_grid::tile::places_of;
 use rugosa_grid::{TILE, Tile, TileBits, math};
 use rugosa_terrain::ElevationGrid;
 use wide::f32x4;
@@ -146,7 +147,7 @@ fn variances(resolution: f32, radius: i32, roughness: Option<&Roughness>) -> [f3
         for x in (0..=y).filter(|&x| is_within(radius, x, y)) {
             let square = (x * x + y * y) as usize;
             let metres = square as f32 * resolution * resolution;
-            variances[square] = r.sigma * r.sigma * math::powf(metres, r.hurst);
+            variances[square] = r.sigma * r.sigma * math::exp(r.hurst * math::ln(metres));
         }
     }
     variances
@@ -181,18 +182,15 @@ impl Patch {
         }
     }
 
-    /// Unpacks a tile and `margin` cells around it, those that are `measured`.
+    /// Unpacks a tile and `margin` cells around it; `measured` tells which are, of the tiles
+    /// of [`Tile::around`].
     pub(crate) fn fill(
         &mut self,
         grid: &ElevationGrid,
         tile: Tile,
         margin: i32,
-        measured: impl Fn(Tile) -> TileBits,
+        measured: &[TileBits; 9],
     ) {
-        let around: [TileBits; 9] = core::array::from_fn(|i| {
-            let (x, y) = (i as i32 % 3 - 1, i as i32 / 3 - 1);
-            measured(Tile::new(tile.x.wrapping_add(x), tile.y.wrapping_add(y)))
-        });
         let corner = tile.origin().offset(-REACH, -REACH);
         let window = grid.window();
         let columns: [usize; SIDE] = core::array::from_fn(|x| {
@@ -204,10 +202,12 @@ impl Patch {
         self.variance = 0.0;
         for y in (REACH - margin) as usize..(TILE + REACH + margin) as usize {
             self.strips[y].empty();
-            let row = |i: usize| (around[y / 8 * 3 + i] >> (8 * (y % 8))) as u32 & 0xff;
-            let bits_of_row = (row(0) | row(1) << 8 | row(2) << 16) & reached;
-            let start = window.row_part(corner.y.wrapping_add(y as i32)).unwrap_or_default();
-            for x in bits(bits_of_row) {
+            let row = |i: usize| (measured[y / 8 * 3 + i] >> (8 * (y % 8))) as u32 & 0xff;
+            let of_row = (row(0) | row(1) << 8 | row(2) << 16) & reached;
+            let start = window
+                .row_part(corner.y.wrapping_add(y as i32))
+                .unwrap_or_default();
+            for x in places_of(u64::from(of_row)) {
                 let ground = grid.elevation(start + columns[x]);
                 if core::mem::take(&mut is_first) {
                     self.datum = ground[0];
@@ -229,8 +229,7 @@ impl Patch {
 
     /// Calls `each` with the column and the features of each measured cell of one row of the
     /// tile.
-    #[inline(always)]
-    pub(crate) fn row(&self, row: usize, around: &Around, mut each: impl FnMut(usize, Features)) {
+    pub(crate) fn row(&self, row: usize, around: &Around, each: &mut dyn FnMut(usize, Features)) {
         let row = row + REACH as usize;
         for first in (0..TILE as usize).step_by(LANES) {
             let column = first + REACH as usize;
@@ -240,8 +239,10 @@ impl Patch {
             }
             let discs = Discs::new(self, [row, column], around);
             let squares = discs.gradient_squares(around.resolution).to_array();
-            let steps = discs.steps(lanes(&self.strips[row].elevation[column..])).to_array();
-            for lane in bits(measured) {
+            let steps = discs
+                .steps(lanes(&self.strips[row].elevation[column..]))
+                .to_array();
+            for lane in places_of(u64::from(measured)) {
                 let place = [row, column + lane];
                 let features = Features {
                     slope: math::atan2(math::sqrt(squares[lane]), 1.0),
@@ -289,24 +290,12 @@ impl Patch {
         let rows = &self.strips[row - radius as usize..][..2 * radius as usize + 1];
         for (strip, y) in rows.iter().zip(-radius..) {
             let disc = around.rows[y.unsigned_abs() as usize];
-            for x in bits(strip.measured >> left & disc).map(|i| left + i) {
+            for x in places_of(u64::from(strip.measured >> left & disc)).map(|i| left + i) {
                 let rest = around.limit - math::abs(strip.elevation[x] - elevation);
                 worst.meet(rest * math::abs(rest), variance + strip.variance[x]);
             }
         }
     }
-}
-
-/// The places of the bits that are set, ascending.
-#[inline(always)]
-fn bits(mut set: u32) -> impl Iterator<Item = usize> {
-    core::iter::from_fn(move || {
-        (set != 0).then(|| {
-            let place = set.trailing_zeros() as usize;
-            set &= set - 1;
-            place
-        })
-    })
 }
 
 /// Squared distance of the farthest of some cells of row `y`; 0 if there is none.
@@ -375,10 +364,9 @@ impl Discs {
         for (strip, y) in rows.iter().zip(-around.radius..) {
             let width = around.widths[y.unsigned_abs() as usize];
             let reached = column - width as usize..column + width as usize + LANES;
-            if strip.measured >> reached.start & ((1 << reached.len()) - 1) == 0 {
-                continue;
+            if strip.measured >> reached.start & ((1 << reached.len()) - 1) != 0 {
+                discs.meet(strip, reached, [-width, y].map(|i| Lanes::splat(i as f32)));
             }
-            discs.meet(strip, reached, [-width, y].map(|i| Lanes::splat(i as f32)));
         }
         discs
     }
@@ -422,7 +410,13 @@ impl Discs {
     /// Squared gradients of the planes \[(m/m)²\]; NaN where too little was measured.
     #[inline(always)]
     fn gradient_squares(&self, resolution: f32) -> Lanes {
-        let Row { count, x, xx, z, xz } = &self.row;
+        let Row {
+            count,
+            x,
+            xx,
+            z,
+            xz,
+        } = &self.row;
         let share = Lanes::ONE / *count;
         let (mean_x, mean_y) = (*x * share, self.y * share);
         let xx = *xx - *x * mean_x;
@@ -478,7 +472,14 @@ fn exceeds(margin: f32, variance: f32, limit: f32) -> f32 {
     };
     let scale = 1.0 / math::sqrt(2.0 * variance);
     let tail = |x: f32| if x > 4.0 { 0.0 } else { math::erfc(x) };
-    0.5 * (tail((limit - mean) * scale) + tail((limit + mean) * scale))
+    let near = tail((limit - mean) * scale);
+    // what was not seen differs by 0 in the mean: both tails are one
+    let far = if mean == 0.0 {
+        near
+    } else {
+        tail((limit + mean) * scale)
+    };
+    0.5 * (near + far)
 }
 
 #[cfg(test)]
@@ -501,7 +502,7 @@ mod tests {
     /// Features of a row of the tile; `None` where not measured.
     fn row(patch: &Patch, row: usize, around: &Around) -> [Option<Features>; 8] {
         let mut features = [None; 8];
-        patch.row(row, around, |column, f| features[column] = Some(f));
+        patch.row(row, around, &mut |column, f| features[column] = Some(f));
         features
     }
 
