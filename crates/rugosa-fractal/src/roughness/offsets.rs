@@ -39,12 +39,24 @@ const START: [u8; LAGS + 1] = starts();
 static TABLE: [(i8, i8); OFFSETS] = table();
 
 /// The offsets (x, y) of lag number `lag`, in cells.
+///
+/// ```
+/// use rugosa_fractal::roughness::offsets::offsets;
+/// // east, north, and the two diagonals to the north: every pair is met once
+/// assert_eq!(offsets(0), [(1, 0), (0, 1), (1, 1), (-1, 1)]);
+/// ```
 #[inline]
 pub fn offsets(lag: usize) -> &'static [(i8, i8)] {
     &TABLE[START[lag] as usize..START[lag + 1] as usize]
 }
 
 /// Mean of |offset|² and of |offset|⁴ over the offsets of a lag, in cells² and cells⁴.
+///
+/// ```
+/// use rugosa_fractal::roughness::offsets::nominal_moments;
+/// // 1, 1, 2 and 2 cells²
+/// assert_eq!(nominal_moments(0), (1.5, 2.5));
+/// ```
 pub fn nominal_moments(lag: usize) -> (f32, f32) {
     let mut sums = (0, 0);
     for &(x, y) in offsets(lag) {
