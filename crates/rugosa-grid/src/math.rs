@@ -12,6 +12,15 @@
 //! Accuracy: `libm`'s functions are within 1 unit in the last place, the square root is
 //! correctly rounded; sine and cosine err by less than 1e-7, tangent and inverse sine by
 //! less than 3e-7 of their value or 1e-7.
+//!
+//! ```
+//! use rugosa_grid::math;
+//! assert_eq!((math::sqrt(2.25), math::floor(-0.5), math::abs(-3.0)), (1.5, -1.0, 3.0));
+//! assert_eq!((math::log2(0.125), math::exp2(3.0), math::powf(4.0, 1.5)), (-3.0, 8.0, 8.0));
+//! assert!((math::ln(math::exp(2.0)) - 2.0).abs() < 1e-6);
+//! // a standard normal number lies beyond two deviations with a chance of 4.55 %
+//! assert!((math::erfc(math::sqrt(2.0)) - 0.0455).abs() < 1e-5);
+//! ```
 
 pub use core::f32::consts::{FRAC_PI_2, PI, TAU};
 
@@ -30,6 +39,12 @@ pub fn floor(x: f32) -> f32 {
 /// Largest integer not above `x` as a cell index; saturates, NaN gives 0.
 ///
 /// Truncation and one comparison: exact for negative numbers and borders.
+///
+/// ```
+/// use rugosa_grid::math::floor_index;
+/// assert_eq!([1.0, 0.5, -1e-6, -1.0].map(floor_index), [1, 0, -1, -1]);
+/// assert_eq!((floor_index(1e20), floor_index(f32::NAN)), (i32::MAX, 0));
+/// ```
 #[inline]
 pub fn floor_index(x: f32) -> i32 {
     let truncated = x as i32;
@@ -37,6 +52,11 @@ pub fn floor_index(x: f32) -> i32 {
 }
 
 /// Nearest integer, ties away from zero; saturates, NaN gives 0.
+///
+/// ```
+/// use rugosa_grid::math::round_index;
+/// assert_eq!([0.4, 0.5, -0.5, -1.4].map(round_index), [0, 1, -1, -1]);
+/// ```
 #[inline]
 pub fn round_index(x: f32) -> i32 {
     (x + if x < 0.0 { -0.5 } else { 0.5 }) as i32
@@ -50,6 +70,14 @@ pub fn abs(x: f32) -> f32 {
 
 /// Sine of an angle in radians, |x| ≤ 1000; NaN where x is not finite. Not for the path of
 /// single returns: use tables.
+///
+/// ```
+/// use rugosa_grid::math::{FRAC_PI_2, PI, cos, sin, tan};
+/// assert!((sin(PI / 6.0) - 0.5).abs() < 1e-7 && (cos(PI / 3.0) - 0.5).abs() < 1e-7);
+/// assert!((tan(-PI / 4.0) + 1.0).abs() < 3e-7);
+/// // the same after 100 turns, as far as the angle itself is exact
+/// assert!((sin(FRAC_PI_2 + 200.0 * PI) - 1.0).abs() < 1e-6);
+/// ```
 pub fn sin(x: f32) -> f32 {
     sin_cos(x).0
 }
@@ -83,11 +111,23 @@ fn sin_cos(x: f32) -> (f32, f32) {
 }
 
 /// Angle of the vector (x, y) in radians, in (−π, π].
+///
+/// ```
+/// use rugosa_grid::math::{FRAC_PI_2, PI, atan2};
+/// assert_eq!(atan2(1.0, 0.0), FRAC_PI_2); // to the left
+/// assert!((atan2(-1.0, -1.0) + 0.75 * PI).abs() < 1e-6); // behind on the right
+/// ```
 pub fn atan2(y: f32, x: f32) -> f32 {
     libm::atan2f(y, x)
 }
 
 /// Inverse sine in radians.
+///
+/// ```
+/// use rugosa_grid::math::{PI, asin};
+/// assert!((asin(-0.5) + PI / 6.0).abs() < 3e-7);
+/// assert!(asin(1.01).is_nan());
+/// ```
 pub fn asin(x: f32) -> f32 {
     atan2(x, sqrt((1.0 - x) * (1.0 + x)))
 }

@@ -21,6 +21,18 @@ pub enum State {
 pub const PARTS: i32 = 64;
 
 /// One return in a cell, 8 bytes.
+///
+/// ```
+/// use rugosa_grid::{Sample, State};
+/// assert_eq!(Sample::UNKNOWN.state(), State::Unknown);
+/// // 120 height steps high, a quarter of a cell to the west, half a cell to the north
+/// let mut sample = Sample::measured(120, 4, -16, 32, 255);
+/// assert_eq!((sample.state(), sample.is_counted()), (State::Measured, false));
+/// assert_eq!(sample.eccentricity(), 16 * 16 + 32 * 32); // (1/64 cell)²
+/// sample.set_counted(true);
+/// assert!(sample.is_counted() && sample.is_measured());
+/// assert_eq!(Sample::seen_through().state(), State::SeenThrough);
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(C)]
 pub struct Sample {

@@ -13,6 +13,15 @@ pub const TILE: i32 = 8;
 pub type TileBits = u64;
 
 /// Absolute address of a tile.
+///
+/// ```
+/// use rugosa_grid::{Cell, Tile};
+/// let tile = Tile::of(Cell::new(-1, 8));
+/// assert_eq!((tile, tile.origin()), (Tile::new(-1, 1), Cell::new(-8, 8)));
+/// // its 64 cells, x fastest
+/// let cells: Vec<Cell> = tile.cells().collect();
+/// assert_eq!((cells.len(), cells[1], cells[8]), (64, Cell::new(-7, 8), Cell::new(-8, 9)));
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Tile {
     /// column of tiles
@@ -91,6 +100,18 @@ pub fn places_of(mut bits: u64) -> impl Iterator<Item = usize> {
 }
 
 /// The square of tiles that a window touches.
+///
+/// ```
+/// use rugosa_grid::{Cell, Tile, Tiles, Window};
+/// let tiles = Tiles::of(&Window::around(33, Cell::new(0, 0))); // cells −16 … 16
+/// assert_eq!((tiles.side(), tiles.len()), (Tiles::per_side(33), 25));
+/// assert_eq!(tiles.origin(), Tile::new(-2, -2));
+/// assert_eq!(tiles.tiles().last(), Some(Tile::new(2, 2)));
+/// // a tile keeps its slot when the window moves, until it is left behind
+/// let moved = Tiles::of(&Window::around(33, Cell::new(9, 0)));
+/// assert_eq!(tiles.slot(Tile::new(1, 0)), moved.slot(Tile::new(1, 0)));
+/// assert_eq!(moved.slot(Tile::new(-2, 0)), None);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tiles(Window);
 

@@ -29,12 +29,28 @@ impl Cell {
     }
 
     /// The cell `dx` columns and `dy` rows further; wraps at the ends of the integers.
+    ///
+    /// ```
+    /// use rugosa_grid::Cell;
+    /// // two cells to the west, one to the north
+    /// assert_eq!(Cell::new(1, 1).offset(-2, 1), Cell::new(-1, 2));
+    /// ```
     pub const fn offset(self, dx: i32, dy: i32) -> Self {
         Cell::new(self.x.wrapping_add(dx), self.y.wrapping_add(dy))
     }
 }
 
 /// Metres ↔ cells.
+///
+/// ```
+/// use rugosa_grid::{Cell, Lattice};
+/// let lattice = Lattice::new(0.5); // metres
+/// let (cell, east, north) = lattice.locate(1.375, -0.125);
+/// assert_eq!(cell, Cell::new(2, -1));
+/// // a quarter of a cell east and north of the centre
+/// assert_eq!((east, north), (0.25, 0.25));
+/// assert_eq!(lattice.centre(cell), (1.25, -0.25));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lattice {
     resolution: f32,
@@ -77,6 +93,19 @@ impl Lattice {
 ///
 /// `side` is 2^k + 1 with 33 ≤ side ≤ 1025 where the pyramid is wanted; the window
 /// itself takes any side of the form 8 k + 1.
+///
+/// ```
+/// use rugosa_grid::{Cell, Window};
+/// let window = Window::around(33, Cell::new(0, 0));
+/// assert_eq!((window.origin(), window.len()), (Cell::new(-16, -16), 1089));
+/// let (first, second) = (window.cells().next(), window.cells().nth(1));
+/// assert_eq!((first, second), (Some(Cell::new(-16, -16)), Some(Cell::new(-15, -16))));
+/// // two columns to the east, one row to the north: what stays keeps its slot
+/// let moved = Window::around(33, Cell::new(2, 1));
+/// assert_eq!(window.slot(Cell::new(16, 5)), moved.slot(Cell::new(16, 5)));
+/// assert_eq!(window.leaving(&moved).count(), 2 * 33 + 31);
+/// assert!(window.leaving(&moved).all(|cell| cell.x < -14 || cell.y < -15));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Window {
     side: i32,
@@ -142,6 +171,17 @@ impl Window {
 
     /// What the row `y` adds to the slots of its cells; `None` outside the window. With
     /// [`Window::column_part`], for those who visit many cells of a few rows and columns.
+    ///
+    /// ```
+    /// use rugosa_grid::{Cell, Window};
+    /// let window = Window::around(33, Cell::new(40, -7));
+    /// let row = window.row_part(-7).unwrap();
+    /// for x in 24..57 {
+    ///     let slot = row + window.column_part(x).unwrap();
+    ///     assert_eq!(window.slot(Cell::new(x, -7)), Some(slot));
+    /// }
+    /// assert_eq!((window.column_part(57), window.row_part(10)), (None, None));
+    /// ```
     #[inline]
     pub fn row_part(&self, y: i32) -> Option<usize> {
         let row = y.wrapping_sub(self.origin.y);

@@ -51,6 +51,21 @@ struct Stamped {
 }
 
 /// The last poses, by time stamp.
+///
+/// ```
+/// use nalgebra::Isometry3;
+/// use rugosa_terrain::{NoPose, PoseBuffer, PoseError};
+/// let mut poses = PoseBuffer::new();
+/// assert_eq!(poses.at(0).unwrap_err(), NoPose::Empty);
+/// poses.push(1_000_000, &Isometry3::translation(0.0, 0.0, 0.0)).unwrap();
+/// let two_metres_on = Isometry3::translation(2.0, 0.0, 0.0);
+/// poses.push(2_000_000, &two_metres_on).unwrap();
+/// assert_eq!(poses.at(1_250_000).unwrap().translation.x, 0.5); // metres
+/// assert_eq!(poses.at(2_100_000).unwrap_err(), NoPose::AfterLast);
+/// poses.hold_us = 200_000; // the robot stands still
+/// assert_eq!(poses.at(2_100_000).unwrap().translation.x, 2.0);
+/// assert_eq!(poses.push(1_500_000, &two_metres_on), Err(PoseError::Backwards));
+/// ```
 #[derive(Clone, Debug, Default)]
 pub struct PoseBuffer {
     ring: Deque<Stamped, POSES>,
@@ -86,6 +101,17 @@ impl PoseBuffer {
     }
 
     /// Forgets all poses (not the counters): the scanner's clock has started afresh.
+    ///
+    /// ```
+    /// use nalgebra::Isometry3;
+    /// use rugosa_terrain::PoseBuffer;
+    /// let mut poses = PoseBuffer::new();
+    /// poses.push(9_000_000, &Isometry3::identity()).unwrap();
+    /// assert!(poses.push(20, &Isometry3::identity()).is_err()); // the clock started afresh
+    /// poses.clear();
+    /// poses.push(20, &Isometry3::identity()).unwrap();
+    /// assert_eq!((poses.last().unwrap().0, poses.backwards), (20, 1));
+    /// ```
     pub fn clear(&mut self) {
         self.ring.clear();
     }
@@ -114,6 +140,20 @@ impl PoseBuffer {
     }
 
     /// The pose at a stamp.
+    ///
+    /// ```
+    /// use nalgebra::{Isometry3, Vector3};
+    /// use rugosa_terrain::{NoPose, PoseBuffer};
+    /// let yaw = |angle: f32| Isometry3::rotation(Vector3::z() * angle);
+    /// let mut poses = PoseBuffer::new();
+    /// poses.gap_us = 500_000;
+    /// poses.push(0, &yaw(0.0)).unwrap();
+    /// poses.push(100_000, &yaw(0.2)).unwrap();
+    /// poses.push(900_000, &yaw(0.4)).unwrap();
+    /// let (_, _, angle) = poses.at(50_000).unwrap().rotation.euler_angles();
+    /// assert!((angle - 0.1).abs() < 1e-5); // rad to the left
+    /// assert_eq!(poses.at(500_000).unwrap_err(), NoPose::Gap);
+    /// ```
     pub fn at(&self, stamp_us: u64) -> Result<Isometry3<f32>, NoPose> {
         let last = self.ring.back().ok_or(NoPose::Empty)?;
         if stamp_us > last.stamp_us.saturating_add(self.hold_us) {

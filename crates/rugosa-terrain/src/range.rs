@@ -18,6 +18,17 @@ pub enum RangeFault {
 }
 
 /// The ranges that a scanner can measure \[m\], both included.
+///
+/// ```
+/// use rugosa_terrain::{RangeFault, RangeLimits};
+/// let limits = RangeLimits { min: 0.3, max: 60.0 }; // metres
+/// assert_eq!(limits.check(12.5), Ok(12.5));
+/// assert_eq!(limits.check(f32::INFINITY), Err(RangeFault::NoReturn));
+/// assert_eq!(limits.check(f32::NEG_INFINITY), Err(RangeFault::TooClose));
+/// assert_eq!(limits.check(0.0), Err(RangeFault::TooClose));
+/// assert_eq!(limits.check(60.1), Err(RangeFault::TooFar));
+/// assert_eq!(limits.check(f32::NAN), Err(RangeFault::Erroneous));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RangeLimits {
     /// shortest, positive

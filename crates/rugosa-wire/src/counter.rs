@@ -88,11 +88,24 @@ counters! {
 const _: () = assert!(NAMES.len() <= COUNTERS);
 
 /// Name of a counter; `None` for one this version does not know.
+///
+/// ```
+/// use rugosa_wire::counter;
+/// assert_eq!(counter::name(counter::LINK_BAD_CRC), Some("link.bad_crc"));
+/// assert_eq!(counter::name(counter::NAMES.len()), None);
+/// ```
 pub fn name(index: usize) -> Option<&'static str> {
     NAMES.get(index).copied()
 }
 
 /// Index of a counter by name.
+///
+/// ```
+/// use rugosa_wire::counter;
+/// let index = counter::index("returns.gated");
+/// assert_eq!(index, Some(counter::RETURNS_GATED));
+/// assert_eq!(counter::index("returns.green"), None);
+/// ```
 pub fn index(name: &str) -> Option<usize> {
     NAMES.iter().position(|&known| known == name)
 }

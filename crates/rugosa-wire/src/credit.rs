@@ -13,6 +13,16 @@ fn is_behind(a: u32, b: u32) -> bool {
 }
 
 /// The side that sends lines.
+///
+/// ```
+/// use rugosa_wire::{Credit, credit::Spender};
+/// let mut spender = Spender::default();
+/// assert!(!spender.has_credit()); // nothing was granted yet
+/// spender.granted(Credit { taken: 0, limit: 2 });
+/// let sent = (0..5).filter(|_| spender.has_credit().then(|| spender.spend()).is_some());
+/// assert_eq!(sent.count(), 2);
+/// assert_eq!(spender.sent, 2);
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Spender {
     /// lines sent in this session
@@ -38,6 +48,19 @@ impl Spender {
 }
 
 /// The side that takes lines.
+///
+/// ```
+/// use rugosa_wire::{Credit, credit::Granter};
+/// let mut granter = Granter::default();
+/// granter.offer(3);
+/// assert_eq!(granter.due(), Some(Credit { taken: 0, limit: 3 }));
+/// assert_eq!(granter.due(), None); // the sender knows
+/// granter.took();
+/// assert_eq!(granter.due(), Some(Credit { taken: 1, limit: 4 }));
+/// // the sender says it has sent three: two are lost, and their room is free again
+/// granter.reconcile(3);
+/// assert_eq!(granter.due(), Some(Credit { taken: 3, limit: 6 }));
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Granter {
     taken: u32,
@@ -64,6 +87,15 @@ impl Granter {
     }
 
     /// The same room, in a new session of the sender.
+    ///
+    /// ```
+    /// use rugosa_wire::{Credit, credit::Granter};
+    /// let mut granter = Granter::default();
+    /// granter.offer(3);
+    /// granter.took();
+    /// assert_eq!(granter.due(), Some(Credit { taken: 1, limit: 4 }));
+    /// assert_eq!(granter.afresh().due(), Some(Credit { taken: 0, limit: 3 }));
+    /// ```
     pub fn afresh(&self) -> Self {
         Granter {
             room: self.room,

@@ -59,6 +59,15 @@ pub struct Frame {
 }
 
 /// A protocol as a [`crate::Hello`] names it.
+///
+/// ```
+/// use rugosa_wire::{Hello, PROTOCOL, Role, Version};
+/// let hello = Hello::new(Role::Scanner, "simulated", "0.1.0");
+/// let named = Version { protocol: hello.protocol, schema: hello.schema };
+/// assert_eq!(named, Version::OURS);
+/// let other = Version { protocol: PROTOCOL + 1, schema: 0xbeef };
+/// assert_eq!(other.to_string(), "protocol 2 (schema 0000beef)");
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Version {
     /// [`PROTOCOL`]
@@ -123,6 +132,18 @@ impl fmt::Display for BufferFull {
 impl core::error::Error for BufferFull {}
 
 /// Writes one frame, delimiter included, to the front of `buffer`; returns its length.
+///
+/// ```
+/// use rugosa_wire::{BufferFull, Header, MAX_FRAME, Message, encode};
+/// let header = Header { session: 7, sequence: 300 };
+/// let mut buffer = [0xff; MAX_FRAME];
+/// let length = encode(&header, &Message::Reset, &mut buffer).unwrap();
+/// // 1 byte of session, 2 of sequence, 1 of message, 4 of check; stuffing and delimiter
+/// assert_eq!(length, 8 + 2);
+/// // the only zero is the last byte
+/// assert_eq!(buffer.iter().position(|&byte| byte == 0), Some(length - 1));
+/// assert_eq!(encode(&header, &Message::Reset, &mut [0; 5]), Err(BufferFull));
+/// ```
 pub fn encode(header: &Header, message: &Message, buffer: &mut [u8]) -> Result<usize, BufferFull> {
     let stuffed = Cobs::try_new(Slice::new(buffer)).map_err(|_| BufferFull)?;
     let checked = CrcModifier::new(stuffed, CRC.digest());
@@ -164,6 +185,19 @@ impl Counts {
     }
 
     /// Frames that were thrown away.
+    ///
+    /// ```
+    /// use rugosa_wire::{Broken, Decoder, Header, MAX_FRAME, Message, encode};
+    /// let mut buffer = [0; MAX_FRAME];
+    /// let header = Header { session: 7, sequence: 300 };
+    /// let length = encode(&header, &Message::Refresh, &mut buffer).unwrap();
+    /// let mut decoder = Decoder::new();
+    /// assert!(decoder.pull(&mut &buffer[..length]).unwrap().is_ok());
+    /// buffer[1] ^= 0x40; // a bit was changed on the way
+    /// assert_eq!(decoder.pull(&mut &buffer[..length]), Some(Err(Broken::Crc)));
+    /// let counts = decoder.counts();
+    /// assert_eq!((counts.frames, counts.bad_crc, counts.broken()), (1, 1, 1));
+    /// ```
     pub fn broken(&self) -> u32 {
         [
             self.bad_crc,
@@ -250,6 +284,18 @@ impl Decoder {
 
     /// Throws away a frame in progress, as when a port was closed and opened again; the
     /// counters stay.
+    ///
+    /// ```
+    /// use rugosa_wire::{Decoder, Header, MAX_FRAME, Message, encode};
+    /// let mut buffer = [0; MAX_FRAME];
+    /// let length = encode(&Header::default(), &Message::Reset, &mut buffer).unwrap();
+    /// let mut decoder = Decoder::new();
+    /// assert_eq!(decoder.pull(&mut &buffer[..3]), None); // the port is closed here
+    /// decoder.restart();
+    /// let frame = decoder.pull(&mut &buffer[..length]).unwrap().unwrap();
+    /// assert_eq!(frame.message, Message::Reset);
+    /// assert_eq!(decoder.counts().bytes, 3 + length as u32);
+    /// ```
     pub fn restart(&mut self) {
         (self.length, self.discarding) = (0, false);
     }

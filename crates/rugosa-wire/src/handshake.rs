@@ -30,6 +30,15 @@ pub const STALL_US: u64 = 100_000;
 pub const SILENCE_US: u64 = 2_000_000;
 
 /// The peer speaks another protocol.
+///
+/// ```
+/// use rugosa_wire::{PROTOCOL, Refusal, Version};
+/// let newer = Version { protocol: PROTOCOL + 1, schema: 0 };
+/// let refusal = Refusal { ours: Version::OURS, theirs: newer };
+/// assert!(refusal.to_string().ends_with("update the software on this side"));
+/// let refusal = Refusal { ours: newer, theirs: Version::OURS };
+/// assert!(refusal.to_string().ends_with("update the peer"));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Refusal {
     /// what this side speaks
@@ -56,6 +65,19 @@ impl fmt::Display for Refusal {
 impl core::error::Error for Refusal {}
 
 /// What is known of the peer.
+///
+/// ```
+/// use rugosa_wire::{Event, Hello, Link, MAX_FRAME, Role};
+/// let mut host = Link::new(Hello::new(Role::Host, "desk", "0.1.0"), 31);
+/// let mut module = Link::new(Hello::new(Role::Module, "rugosa", "0.1.0"), 32);
+/// let mut buffer = [0; MAX_FRAME];
+/// let length = host.tend(0, &mut buffer);
+/// assert_eq!(module.receive(&mut &buffer[..length], 0), None);
+/// // one greeting tells who is there, but not yet that it can hear
+/// let peer = module.peer().unwrap();
+/// assert_eq!((peer.session, peer.hello.role), (31, Role::Host));
+/// assert!(!peer.is_connected());
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Peer {
     /// number of its session

@@ -40,6 +40,14 @@ pub const SCHEMA: &str = include_str!("../schema.txt");
 
 /// CRC-32 of [`SCHEMA`]: peers whose messages differ are refused even where somebody
 /// forgot to raise [`PROTOCOL`].
+///
+/// ```
+/// use rugosa_wire::{Hello, Role, SCHEMA, schema_hash};
+/// let crc = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
+/// assert_eq!(schema_hash(), crc.checksum(SCHEMA.as_bytes()));
+/// // every greeting carries it
+/// assert_eq!(Hello::new(Role::Host, "desk", "0.1.0").schema, schema_hash());
+/// ```
 pub const fn schema_hash() -> u32 {
     SCHEMA_HASH
 }

@@ -138,6 +138,30 @@ impl Link {
 
     /// Takes bytes off the front of `bytes` up to the next event; `None`: all are taken.
     /// To be called without bytes too, as a silence is noticed here.
+    ///
+    /// ```
+    /// # use rugosa_wire::{Event, Hello, Link, MAX_FRAME, Message, Role, handshake::SILENCE_US};
+    /// # let mut scanner = Link::new(Hello::new(Role::Scanner, "simulated", "0.1.0"), 11);
+    /// # let mut module = Link::new(Hello::new(Role::Module, "rugosa", "0.1.0"), 22);
+    /// # let mut buffer = [0; MAX_FRAME];
+    /// # for _ in 0..3 {
+    /// #     let length = scanner.tend(0, &mut buffer);
+    /// #     module.receive(&mut &buffer[..length], 0);
+    /// #     let length = module.tend(0, &mut buffer);
+    /// #     scanner.receive(&mut &buffer[..length], 0);
+    /// # }
+    /// // two links that have greeted each other
+    /// let length = module.send(&Message::Refresh, 1000, &mut buffer).unwrap();
+    /// let Some(Event::Message(frame)) = scanner.receive(&mut &buffer[..length], 1000) else {
+    ///     panic!("the message has come");
+    /// };
+    /// assert_eq!((frame.message, frame.header.session), (Message::Refresh, 22));
+    /// // a second frame with the same number is not told again
+    /// assert_eq!(scanner.receive(&mut &buffer[..length], 2000), None);
+    /// assert_eq!(scanner.tally().duplicates, 1);
+    /// let later = 1000 + SILENCE_US + 1;
+    /// assert_eq!(scanner.receive(&mut &[][..], later), Some(Event::Silent));
+    /// ```
     pub fn receive(&mut self, bytes: &mut &[u8], now_us: u64) -> Option<Event> {
         while let Some(result) = self.decoder.pull(bytes) {
             let event = match result {
@@ -167,6 +191,27 @@ impl Link {
     }
 
     /// Writes one frame with `message` to the front of `buffer`; returns its length.
+    ///
+    /// ```
+    /// use rugosa_wire::{Hello, Link, MAX_FRAME, Message, Role, Unsent};
+    /// # let mut scanner = Link::new(Hello::new(Role::Scanner, "simulated", "0.1.0"), 11);
+    /// # let mut module = Link::new(Hello::new(Role::Module, "rugosa", "0.1.0"), 22);
+    /// let mut buffer = [0; MAX_FRAME];
+    /// let early = scanner.send(&Message::Refresh, 0, &mut buffer);
+    /// assert_eq!(early, Err(Unsent::NotConnected));
+    /// # for _ in 0..3 {
+    /// #     let length = scanner.tend(0, &mut buffer);
+    /// #     module.receive(&mut &buffer[..length], 0);
+    /// #     let length = module.tend(0, &mut buffer);
+    /// #     scanner.receive(&mut &buffer[..length], 0);
+    /// # }
+    /// // … after the greetings
+    /// let before = *scanner.tally();
+    /// let length = scanner.send(&Message::Refresh, 0, &mut buffer).unwrap();
+    /// assert_eq!(scanner.tally().frames_sent, before.frames_sent + 1);
+    /// assert_eq!(scanner.tally().bytes_sent, before.bytes_sent + length as u32);
+    /// assert_eq!(scanner.send(&Message::Refresh, 0, &mut [0; 4]), Err(Unsent::BufferFull));
+    /// ```
     pub fn send(
         &mut self,
         message: &Message,
@@ -191,6 +236,32 @@ impl Link {
 
     /// There is room for this many lines and tables now. Grants them to the peer if this side
     /// greets with [`capability::FLOW_CONTROL`].
+    ///
+    /// ```
+    /// use rugosa_wire::{BeamTable, Hello, Link, Message, Role, TableKind, Unsent, capability};
+    /// # let talk = |from: &mut Link, to: &mut Link| {
+    /// #     let mut buffer = [0; rugosa_wire::MAX_FRAME];
+    /// #     let length = from.tend(0, &mut buffer);
+    /// #     to.receive(&mut &buffer[..length], 0);
+    /// # };
+    /// # let mut scanner = Link::new(Hello::new(Role::Scanner, "simulated", "0.1.0"), 11);
+    /// let mut hello = Hello::new(Role::Module, "rugosa", "0.1.0");
+    /// hello.capabilities |= capability::FLOW_CONTROL;
+    /// let mut module = Link::new(hello, 22);
+    /// # for _ in 0..3 { talk(&mut scanner, &mut module); talk(&mut module, &mut scanner); }
+    /// // … after the greetings
+    /// assert!(scanner.is_connected() && !scanner.may_send_long());
+    /// module.offer(1); // there is room for one table
+    /// talk(&mut module, &mut scanner);
+    /// let (kind, mut buffer) = (TableKind::Azimuth, [0; 99]);
+    /// let table = BeamTable { kind, first: 0, angles_urad: Default::default() };
+    /// let table = Message::BeamTable(table);
+    /// let length = scanner.send(&table, 0, &mut buffer).unwrap();
+    /// assert_eq!(scanner.send(&table, 0, &mut [0; 99]), Err(Unsent::NoCredit));
+    /// module.receive(&mut &buffer[..length], 0); // taken: there is room again
+    /// talk(&mut module, &mut scanner);
+    /// assert!(scanner.may_send_long());
+    /// ```
     pub fn offer(&mut self, room: u16) {
         self.granter.offer(room);
     }
@@ -227,12 +298,44 @@ impl Link {
     }
 
     /// The port was closed and opened again: drops the frame in progress and greets anew.
+    ///
+    /// ```
+    /// # use rugosa_wire::{Event, Hello, Link, MAX_FRAME, Role};
+    /// # let mut host = Link::new(Hello::new(Role::Host, "desk", "0.1.0"), 11);
+    /// # let mut module = Link::new(Hello::new(Role::Module, "rugosa", "0.1.0"), 22);
+    /// # let mut buffer = [0; MAX_FRAME];
+    /// # let mut talk = |host: &mut Link, module: &mut Link, now| {
+    /// #     let length = host.tend(now, &mut buffer);
+    /// #     module.receive(&mut &buffer[..length], now);
+    /// #     let length = module.tend(now, &mut buffer);
+    /// #     host.receive(&mut &buffer[..length], now)
+    /// # };
+    /// # (0..3).for_each(|_| { talk(&mut host, &mut module, 0); });
+    /// assert!(host.is_connected());
+    /// host.reopen();
+    /// assert!(!host.is_connected());
+    /// // the next greeting, a quarter of a second later, finds the same session
+    /// let event = talk(&mut host, &mut module, 250_000);
+    /// assert_eq!(event, Some(Event::Connected { resumed: true }));
+    /// ```
     pub fn reopen(&mut self) {
         self.decoder.restart();
         self.handshake.disconnect();
     }
 
     /// Writes the link's counters to their places among all (see [`crate::counter`]).
+    ///
+    /// ```
+    /// use rugosa_wire::{COUNTERS, Hello, Link, MAX_FRAME, Role, counter};
+    /// let mut link = Link::new(Hello::new(Role::Host, "desk", "0.1.0"), 5);
+    /// let mut buffer = [0; MAX_FRAME];
+    /// let length = link.tend(0, &mut buffer); // a greeting
+    /// let mut counters = [0; COUNTERS];
+    /// link.fill(&mut counters);
+    /// assert_eq!(counters[counter::LINK_FRAMES_SENT], 1);
+    /// // the delimiter before a greeting is not counted
+    /// assert_eq!(counters[counter::LINK_BYTES_SENT], length as u32 - 1);
+    /// ```
     pub fn fill(&self, counters: &mut [u32]) {
         let (decoder, tally) = (self.decoder.counts(), &self.tally);
         for (index, value) in [

@@ -18,6 +18,20 @@ pub const MAX_PATCH: usize = 64;
 pub const MAX_ECHO: usize = 64;
 
 /// Everything that travels over the link.
+///
+/// ```
+/// use rugosa_wire::{BeamTable, Message, PoseStamp, TableKind};
+/// let pose = Message::Pose(PoseStamp {
+///     stamp_us: 1500,
+///     position_m: [1.0, 2.0, 0.0],
+///     orientation: [0.0, 0.0, 0.0, 1.0], // x, y, z, w
+/// });
+/// assert_eq!((pose.kind(), pose.stamp_us(), pose.is_on_credit()), ("pose", Some(1500), false));
+/// let angles_urad = heapless::Vec::from_slice(&[-100_000, 100_000]).unwrap();
+/// let kind = TableKind::Inclination;
+/// let table = Message::BeamTable(BeamTable { kind, first: 0, angles_urad });
+/// assert_eq!((table.stamp_us(), table.is_on_credit()), (None, true));
+/// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[allow(clippy::large_enum_variant)]
 pub enum Message {
@@ -140,6 +154,11 @@ pub struct Hello {
 
 impl Role {
     /// All roles.
+    ///
+    /// ```
+    /// use rugosa_wire::Role;
+    /// assert_eq!(Role::ALL.map(Role::name), ["scanner", "module", "host"]);
+    /// ```
     pub const ALL: [Role; 3] = [Role::Scanner, Role::Module, Role::Host];
 
     /// Name of the role, as in recordings.
@@ -155,6 +174,13 @@ impl Role {
 impl Hello {
     /// A greeting in this version of the protocol, without capabilities or a map. Names
     /// that are too long are cut off.
+    ///
+    /// ```
+    /// use rugosa_wire::{Hello, PROTOCOL, Role};
+    /// let hello = Hello::new(Role::Scanner, &"x".repeat(40), "1.2.3");
+    /// assert_eq!((hello.protocol, hello.role), (PROTOCOL, Role::Scanner));
+    /// assert_eq!((hello.device.len(), hello.version.as_str()), (32, "1.2.3"));
+    /// ```
     pub fn new(role: Role, device: &str, version: &str) -> Self {
         Hello {
             protocol: crate::PROTOCOL,

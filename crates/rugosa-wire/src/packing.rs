@@ -32,6 +32,12 @@ impl Packing {
     }
 
     /// Bytes of `count` values.
+    ///
+    /// ```
+    /// use rugosa_wire::Packing;
+    /// assert_eq!([1, 2, 256].map(|count| Packing::Bits12.bytes(count)), [2, 3, 384]);
+    /// assert_eq!(Packing::Bits16.bytes(256), 512);
+    /// ```
     pub const fn bytes(self, count: usize) -> usize {
         match self {
             Packing::Bits12 => (count * 3).div_ceil(2),
@@ -40,6 +46,14 @@ impl Packing {
     }
 
     /// What a range sample of this packing says.
+    ///
+    /// ```
+    /// use rugosa_wire::{Packing, Reading};
+    /// assert_eq!(Packing::Bits12.reading(4095), Reading::NoReturn);
+    /// assert_eq!(Packing::Bits12.reading(4094), Reading::TooClose);
+    /// assert_eq!(Packing::Bits12.reading(4093), Reading::Erroneous);
+    /// assert_eq!(Packing::Bits16.reading(4095), Reading::Counts(4095));
+    /// ```
     pub const fn reading(self, value: u16) -> Reading {
         match self.max().wrapping_sub(value) {
             range_code::NO_RETURN => Reading::NoReturn,
@@ -51,6 +65,16 @@ impl Packing {
 
     /// The number that stands for a reading; a range that collides with a code becomes
     /// [`Reading::NoReturn`], as it is beyond the scanner's reach.
+    ///
+    /// ```
+    /// use rugosa_wire::{Packing, Reading};
+    /// use Reading::*;
+    /// for reading in [Counts(17), NoReturn, TooClose, Erroneous] {
+    ///     assert_eq!(Packing::Bits12.reading(Packing::Bits12.code(reading)), reading);
+    /// }
+    /// // beyond the reach of 12 bits
+    /// assert_eq!(Packing::Bits12.code(Reading::Counts(5000)), 4095);
+    /// ```
     pub const fn code(self, reading: Reading) -> u16 {
         match reading {
             Reading::Counts(value) if value < self.max() - range_code::ERRONEOUS => value,
@@ -62,6 +86,13 @@ impl Packing {
 
     /// Packs values (each at most [`Packing::max`]; higher bits are cut off). `None`
     /// where they do not fit into one line.
+    ///
+    /// ```
+    /// use rugosa_wire::Packing;
+    /// assert_eq!(Packing::Bits12.pack([0xabc, 0x123]).unwrap(), [0xbc, 0x3a, 0x12]);
+    /// assert_eq!(Packing::Bits16.pack([0xabc, 0x123]).unwrap(), [0xbc, 0x0a, 0x23, 0x01]);
+    /// assert_eq!(Packing::Bits16.pack([0; 257]), None); // more than one line holds
+    /// ```
     pub fn pack(self, values: impl IntoIterator<Item = u16>) -> Option<Vec<u8, MAX_RANGE_BYTES>> {
         let mut bytes = Vec::new();
         for (i, value) in values.into_iter().enumerate() {
@@ -77,6 +108,14 @@ impl Packing {
     }
 
     /// The values in `bytes`, without a copy. `None` unless `bytes` holds exactly `count`.
+    ///
+    /// ```
+    /// use rugosa_wire::Packing;
+    /// let values = Packing::Bits12.unpack(&[0xbc, 0x3a, 0x12, 0xff, 0x0f], 3).unwrap();
+    /// assert_eq!(values.len(), 3);
+    /// assert!(values.eq([0xabc, 0x123, 0xfff]));
+    /// assert!(Packing::Bits12.unpack(&[0xbc, 0x3a, 0x12], 3).is_none()); // a byte is missing
+    /// ```
     pub fn unpack(self, bytes: &[u8], count: usize) -> Option<Unpacked<'_>> {
         (bytes.len() == self.bytes(count)).then_some(Unpacked {
             bytes,
@@ -127,6 +166,24 @@ impl ExactSizeIterator for Unpacked<'_> {}
 
 impl ScanLine {
     /// Range samples of this segment; `None` where their bytes do not match `returns`.
+    ///
+    /// ```
+    /// use rugosa_wire::{Packing, Reading, ScanLine};
+    /// let line = ScanLine {
+    ///     sweep: 1,
+    ///     line: 0,
+    ///     first_column: 0,
+    ///     stamp_us: 0,
+    ///     returns: 2,
+    ///     packing: Packing::Bits16,
+    ///     ranges: Packing::Bits16.pack([1414, 65535]).unwrap(),
+    ///     reflectances: Packing::Bits16.pack([20, 0]).unwrap(),
+    /// };
+    /// assert!(line.readings().unwrap().eq([Reading::Counts(1414), Reading::NoReturn]));
+    /// assert!(line.reflectance_counts().unwrap().eq([20, 0]));
+    /// let cut = ScanLine { returns: 3, ..line };
+    /// assert!(cut.readings().is_none() && cut.reflectance_counts().is_none());
+    /// ```
     pub fn readings(&self) -> Option<impl ExactSizeIterator<Item = Reading> + Clone + '_> {
         let packing = self.packing;
         let values = packing.unpack(&self.ranges, usize::from(self.returns))?;

@@ -18,6 +18,20 @@ pub const PANIC: u8 = 254;
 pub const HANG: u8 = 255;
 
 /// The answering side of the self-tests.
+///
+/// ```
+/// use rugosa_wire::{Message, SelfTest};
+/// let mut test = SelfTest::default();
+/// let bytes = heapless::Vec::from_slice(b"are you there?").unwrap();
+/// assert!(test.take(&Message::Echo(bytes.clone())));
+/// assert_eq!(test.due(), Some(Message::EchoReply(bytes)));
+/// // a run of three sinks
+/// test.take(&Message::Source { count: 3 });
+/// let sinks: Vec<Message> = std::iter::from_fn(|| test.due()).collect();
+/// assert!(matches!(sinks[..], [_, _, Message::Sink { index: 2, .. }]));
+/// sinks.iter().for_each(|sink| assert!(test.take(sink)));
+/// assert_eq!((test.sunk, test.take(&Message::Refresh)), (3, false));
+/// ```
 #[derive(Clone, Debug, Default)]
 pub struct SelfTest {
     echo: Option<Vec<u8, MAX_ECHO>>,

@@ -5,6 +5,15 @@
 //! than 32,767 were lost at once; the next greeting sets the count right).
 
 /// The next number expected of a peer.
+///
+/// ```
+/// use rugosa_wire::sequence::{Order, Sequence};
+/// let mut expected = Sequence::after(65534);
+/// assert_eq!(expected.judge(65535), Order::New { lost: 0 });
+/// assert_eq!(expected.missing(3), 3); // the numbers wrap: 0, 1 and 2
+/// assert_eq!(expected.judge(3), Order::New { lost: 3 });
+/// assert_eq!(expected.judge(3), Order::Duplicate);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sequence(u16);
 

@@ -104,6 +104,14 @@ pub struct Parameter {
 
 impl Parameter {
     /// Its value in `config`.
+    ///
+    /// ```
+    /// use rugosa::{Config, PARAMETERS};
+    /// let config = Config { gate: 5.0, ..Config::default() };
+    /// let gate = PARAMETERS.iter().find(|p| p.name == "gate").unwrap();
+    /// assert_eq!((gate.get(&config), gate.default), (5.0, 3.0));
+    /// assert!(gate.live && !PARAMETERS[0].live); // the resolution is fixed
+    /// ```
     pub fn get(&self, config: &Config) -> f32 {
         (self.read)(config)
     }
@@ -437,6 +445,19 @@ impl Config {
 
     /// Sets a parameter that may change while a map is kept. Of a pair of limits the one
     /// that widens it has to come first: safe stays below critical.
+    ///
+    /// ```
+    /// use rugosa::{Config, ConfigError};
+    /// let mut config = Config::default();
+    /// let step = Config::index_of("step_critical").unwrap();
+    /// config.set_live(step, 0.4).unwrap();
+    /// assert_eq!(config.limits.step.critical, 0.4); // metres
+    /// // below the safe step of 0.1 m; nothing changes
+    /// assert!(matches!(config.set_live(step, 0.05), Err(ConfigError::Limit(_))));
+    /// assert_eq!(config.limits.step.critical, 0.4);
+    /// let resolution = Config::index_of("resolution").unwrap();
+    /// assert_eq!(config.set_live(resolution, 0.2), Err(ConfigError::Fixed(resolution)));
+    /// ```
     pub fn set_live(&mut self, index: u8, value: f32) -> Result<(), ConfigError> {
         let mut changed = *self;
         match PARAMETERS.get(index as usize) {
@@ -449,6 +470,13 @@ impl Config {
     }
 
     /// Number of the parameter called `name`.
+    ///
+    /// ```
+    /// use rugosa::{Config, PARAMETERS};
+    /// let gate = Config::index_of("gate").unwrap();
+    /// assert_eq!(PARAMETERS[usize::from(gate)].help, "Mahalanobis gate of the fusion");
+    /// assert_eq!(Config::index_of("no such parameter"), None);
+    /// ```
     pub fn index_of(name: &str) -> Option<u8> {
         PARAMETERS
             .iter()
@@ -457,6 +485,14 @@ impl Config {
     }
 
     /// Step of the integer heights \[m\].
+    ///
+    /// ```
+    /// use rugosa::Config;
+    /// let cells_of_20_cm = Config { resolution: 0.2, ..Config::default() };
+    /// assert_eq!(cells_of_20_cm.height_step(), 0.001); // metres
+    /// let coarse = Config { height_step: 0.01, ..cells_of_20_cm };
+    /// assert_eq!(coarse.height_step(), 0.01);
+    /// ```
     pub fn height_step(&self) -> f32 {
         if self.height_step > 0.0 {
             self.height_step
@@ -466,6 +502,14 @@ impl Config {
     }
 
     /// Every parameter within its range, and no limits that contradict each other?
+    ///
+    /// ```
+    /// use rugosa::{Config, ConfigError, traversability::LimitError};
+    /// let mut config = Config::default();
+    /// assert_eq!(config.check(), Ok(()));
+    /// config.limits.slope.safe = 1.0; // above the critical slope of 0.61 rad
+    /// assert_eq!(config.check(), Err(ConfigError::Limit(LimitError("slope"))));
+    /// ```
     pub fn check(&self) -> Result<(), ConfigError> {
         let mut copy = *self;
         for (i, parameter) in PARAMETERS.iter().enumerate() {

@@ -4,6 +4,18 @@ use rugosa_terrain::{RangeFault, Tally};
 use rugosa_wire::{COUNTERS, counter};
 
 /// Counts by cause; wraps at 2³².
+///
+/// ```
+/// use rugosa::{Config, Mapper, Planes33};
+/// use rugosa_wire::counter;
+/// # let mut planes = Box::new(Planes33::new());
+/// let mut mapper = Mapper::new(Config::default(), planes.lend()).unwrap();
+/// let counters = mapper.counters_mut();
+/// counters.count(counter::PANICS);
+/// counters.set(counter::STACK_PEAK, 9000); // bytes
+/// assert_eq!((counters.get(counter::PANICS), counters.get(counter::STACK_PEAK)), (1, 9000));
+/// assert_eq!(counters.all().len(), counter::NAMES.len());
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Counters([u32; COUNTERS]);
 
@@ -23,6 +35,17 @@ impl Counters {
     }
 
     /// All places, for those who keep several counters (the link).
+    ///
+    /// ```
+    /// use rugosa::{Config, Mapper, Planes33};
+    /// use rugosa_wire::{Hello, Link, MAX_FRAME, Role, counter};
+    /// # let mut planes = Box::new(Planes33::new());
+    /// let mut mapper = Mapper::new(Config::default(), planes.lend()).unwrap();
+    /// let mut link = Link::new(Hello::new(Role::Module, "rugosa", "0.1.0"), 5);
+    /// link.tend(0, &mut [0; MAX_FRAME]); // greets
+    /// link.fill(mapper.counters_mut().all_mut());
+    /// assert_eq!(mapper.counters().get(counter::LINK_FRAMES_SENT), 1);
+    /// ```
     pub fn all_mut(&mut self) -> &mut [u32] {
         &mut self.0
     }

@@ -23,6 +23,22 @@ fn fold_float(digest: u32, x: f32) -> u32 {
 
 impl Mapper<'_> {
     /// The digest of cells, samples, roughness, reconstruction and cost.
+    ///
+    /// ```
+    /// use nalgebra::Isometry3;
+    /// use rugosa::{Config, Mapper, Planes33};
+    /// use rugosa_terrain::{Noise, grid::View};
+    /// # let (mut a, mut b) = (Box::new(Planes33::new()), Box::new(Planes33::new()));
+    /// let mut one = Mapper::new(Config::default(), a.lend()).unwrap();
+    /// let mut other = Mapper::new(Config::default(), b.lend()).unwrap();
+    /// assert_eq!(one.digest(), other.digest());
+    /// let (above, noise) = (Isometry3::translation(0.0, 0.0, 5.0), Noise::new(0.01, 0.0, 0.0));
+    /// let view = View { map_from_sensor: &above, noise: &noise, sweep: 0 };
+    /// one.points(&[[0.55, 0.0, -5.0]], &view);
+    /// assert_ne!(one.digest(), other.digest());
+    /// other.points(&[[0.55, 0.0, -5.0]], &view);
+    /// assert_eq!(one.digest(), other.digest());
+    /// ```
     pub fn digest(&self) -> u32 {
         let origin = self.window().origin();
         let start = [origin.x as u32, origin.y as u32, self.grid().datum() as u32];

@@ -5,6 +5,18 @@
 //! and documented here. The number is the one on the link.
 
 /// One quantity of the map.
+///
+/// ```
+/// use rugosa::{LAYERS, Layer};
+/// let layer = Layer::from_name("dimension_error").unwrap();
+/// assert_eq!(layer, Layer::DimensionError);
+/// assert!(layer.description().per_tile);
+/// assert_eq!(Layer::Slope.description().unit, "rad");
+/// // the number on the link is the place in the list
+/// assert_eq!(Layer::from_number(Layer::Mean as u8), Some(Layer::Mean));
+/// assert_eq!(LAYERS[Layer::Mean as usize].name, "mean");
+/// assert_eq!(Layer::from_number(200), None);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u8)]
 pub enum Layer {

@@ -35,6 +35,60 @@ use rugosa_wire::{
 };
 
 /// The mapper: scanner, poses, grid, counters, roughness.
+///
+/// ```
+/// use rugosa::{Config, Layer, Mapper, Planes33};
+/// # use rugosa_grid::Cell;
+/// use rugosa_wire::{Message, Packing, PoseStamp, ScanLine, SweepEnd};
+/// # use rugosa_wire::{BeamModel, ScannerDescription};
+/// # // four beams to the front, 45° down, 1 m above the body's origin
+/// # let scanner = ScannerDescription {
+/// #     model: BeamModel::Spherical,
+/// #     columns: 4,
+/// #     lines: 1,
+/// #     azimuth_first_urad: -150_000,
+/// #     azimuth_step_nrad: 100_000_000,
+/// #     inclination_first_urad: -785_398,
+/// #     inclination_step_nrad: 0,
+/// #     tables: 0,
+/// #     metres_per_count: 0.001,
+/// #     range_min_m: 0.3,
+/// #     range_max_m: 60.0,
+/// #     range_noise_m: 0.005,
+/// #     range_noise_per_m: 0.0,
+/// #     angle_noise_urad: 200,
+/// #     column_period_ns: 0,
+/// #     line_period_us: 0,
+/// #     mount_position_m: [0.0, 0.0, 1.0],
+/// #     mount_orientation: [0.0, 0.0, 0.0, 1.0],
+/// # };
+/// # let orientation = [0.0, 0.0, 0.0, 1.0];
+/// # let pose = PoseStamp { stamp_us: 7, position_m: [0.0; 3], orientation };
+/// # let line = ScanLine {
+/// #     sweep: 1,
+/// #     line: 0,
+/// #     first_column: 0,
+/// #     stamp_us: 7,
+/// #     returns: 4,
+/// #     packing: Packing::Bits16,
+/// #     ranges: Packing::Bits16.pack([1414; 4]).unwrap(),
+/// #     reflectances: Default::default(),
+/// # };
+/// # let mut planes = Box::new(Planes33::new());
+/// let mut mapper = Mapper::new(Config::default(), planes.lend()).unwrap();
+/// // four beams to the front that look down by 45° from 1 m; each comes back from 1.414 m
+/// mapper.message(&Message::Scanner(scanner));
+/// mapper.message(&Message::Pose(pose));
+/// mapper.message(&Message::Line(line));
+/// let end = SweepEnd { sweep: 1, stamp_us: 8, lines: 1 };
+/// let report = mapper.message(&Message::SweepEnd(end)).unwrap();
+/// assert_eq!((report.lines, report.measured), (1, 4));
+/// // flat ground, 1 m ahead
+/// assert!(mapper.value(Layer::Elevation, Cell::new(9, 0)).abs() < 0.001);
+/// // half of the square of the scanner's 5 mm
+/// assert!((mapper.value(Layer::Variance, Cell::new(9, 0)) - 1.25e-5).abs() < 1e-6);
+/// assert!(mapper.value(Layer::Elevation, Cell::new(-9, 0)).is_nan());
+/// ```
 pub struct Mapper<'m> {
     config: Config,
     scanner: Scanner<'m>,
@@ -58,6 +112,18 @@ pub(crate) struct Surface<'m> {
 
 impl<'m> Mapper<'m> {
     /// A mapper with an empty map around the origin; the side follows from the memory.
+    ///
+    /// ```
+    /// use rugosa::{Config, ConfigError, Mapper, Planes65};
+    /// # let mut planes = Box::new(Planes65::new());
+    /// let config = Config { resolution: 0.05, ..Config::default() };
+    /// let mapper = Mapper::new(config, planes.lend()).unwrap();
+    /// assert_eq!((mapper.window().side(), mapper.lattice().resolution()), (65, 0.05));
+    /// assert_eq!(mapper.window().origin(), rugosa_grid::Cell::new(-32, -32));
+    /// let mut memory = planes.lend();
+    /// memory.costs = &mut [];
+    /// assert_eq!(Mapper::new(config, memory).err(), Some(ConfigError::Memory("costs")));
+    /// ```
     pub fn new(config: Config, memory: Memory<'m>) -> Result<Self, ConfigError> {
         config.check()?;
         let side = memory.side()?;
@@ -99,6 +165,39 @@ impl<'m> Mapper<'m> {
 
     /// The scanner describes itself; a description that cannot be used is counted and
     /// leaves the former one.
+    ///
+    /// ```
+    /// use rugosa::{Config, Mapper, Planes33};
+    /// use rugosa_wire::{BeamModel, ScannerDescription, counter};
+    /// # let mut planes = Box::new(Planes33::new());
+    /// let mut mapper = Mapper::new(Config::default(), planes.lend()).unwrap();
+    /// // 360 columns from the front to the left, 16 lines from 0.3 rad below the horizon upward
+    /// let scanner = ScannerDescription {
+    ///     model: BeamModel::Spherical,
+    ///     columns: 360,
+    ///     lines: 16,
+    ///     azimuth_first_urad: 0,
+    ///     azimuth_step_nrad: 17_453_293,
+    ///     inclination_first_urad: -300_000,
+    ///     inclination_step_nrad: 40_000_000,
+    ///     tables: 0,
+    ///     metres_per_count: 0.002,
+    ///     range_min_m: 0.3,
+    ///     range_max_m: 100.0,
+    ///     range_noise_m: 0.02,
+    ///     range_noise_per_m: 0.0,
+    ///     angle_noise_urad: 500,
+    ///     column_period_ns: 50_000,
+    ///     line_period_us: 20_000,
+    ///     mount_position_m: [0.2, 0.0, 0.6], // from the body's origin
+    ///     mount_orientation: [0.0, 0.0, 0.0, 1.0], // x, y, z, w: looks to the front
+    /// };
+    /// mapper.describe(&scanner);
+    /// assert_eq!(mapper.noise().elevation_variance(-1.0, 5.0), 0.02f32.powi(2)); // m²
+    /// mapper.describe(&ScannerDescription { columns: 5000, range_noise_m: 9.0, ..scanner });
+    /// assert_eq!(mapper.counters().get(counter::DESCRIPTIONS_REFUSED), 1); // too many columns
+    /// assert_eq!(mapper.noise().elevation_variance(-1.0, 5.0), 0.02f32.powi(2));
+    /// ```
     pub fn describe(&mut self, description: &ScannerDescription) {
         if self.scanner.describe(description).is_err() {
             self.counters.count(counter::DESCRIPTIONS_REFUSED);
@@ -199,6 +298,21 @@ impl<'m> Mapper<'m> {
     /// Maps points \[m\] of the sensor frame, all seen from one pose (map ← sensor), as a
     /// part of sweep `view.sweep`: for clouds from elsewhere. End the sweep with
     /// [`Mapper::commit`].
+    ///
+    /// ```
+    /// use nalgebra::Isometry3;
+    /// use rugosa::{Config, Layer, Mapper, Planes33};
+    /// use rugosa_grid::Cell;
+    /// use rugosa_terrain::{Noise, grid::View};
+    /// # let mut planes = Box::new(Planes33::new());
+    /// let mut mapper = Mapper::new(Config::default(), planes.lend()).unwrap();
+    /// // from 5 m above the point (1, 0): ground 0.3 m high half a metre to the left of it
+    /// let (above, noise) = (Isometry3::translation(1.0, 0.0, 5.0), Noise::new(0.01, 0.0, 0.0));
+    /// let view = View { map_from_sensor: &above, noise: &noise, sweep: 0 };
+    /// mapper.points(&[[0.05, 0.55, -4.7]], &view);
+    /// assert_eq!(mapper.commit(&mut |_| {}).measured, 1);
+    /// assert!((mapper.value(Layer::Elevation, Cell::new(10, 5)) - 0.3).abs() < 1e-5);
+    /// ```
     pub fn points(&mut self, points: &[[f32; 3]], view: &View) {
         let fused = self.surface.fuse_points(points, view);
         let returns = Returns {
@@ -223,6 +337,19 @@ impl<'m> Mapper<'m> {
     }
 
     /// Moves the map when the robot has come far from its centre.
+    ///
+    /// ```
+    /// use nalgebra::Isometry3;
+    /// use rugosa::{Config, Mapper, Planes33};
+    /// use rugosa_grid::Cell;
+    /// # let mut planes = Box::new(Planes33::new());
+    /// let config = Config { move_distance: 0.8, ..Config::default() };
+    /// let mut mapper = Mapper::new(config, planes.lend()).unwrap();
+    /// mapper.follow(&Isometry3::translation(0.5, 0.0, 0.0));
+    /// assert_eq!(mapper.window().centre(), Cell::new(0, 0)); // near enough
+    /// mapper.follow(&Isometry3::translation(2.05, -1.0, 0.0));
+    /// assert_eq!(mapper.window().centre(), Cell::new(20, -10)); // cells of 0.1 m
+    /// ```
     pub fn follow(&mut self, body: &Isometry3<f32>) {
         let position = body.translation.vector;
         let (cell, ..) = self.lattice().locate(position.x, position.y);
@@ -258,6 +385,18 @@ impl<'m> Mapper<'m> {
     }
 
     /// New samples enter the counters; what depends on them is refreshed.
+    ///
+    /// ```
+    /// use rugosa::{Config, Mapper, Planes33, Stage};
+    /// # let mut planes = Box::new(Planes33::new());
+    /// let mut mapper = Mapper::new(Config::default(), planes.lend()).unwrap();
+    /// let mut stages = Vec::new();
+    /// let report = mapper.commit(&mut |stage| stages.push(stage));
+    /// assert_eq!(stages[..2], [Stage::Counters, Stage::Roughness]);
+    /// assert_eq!(stages[2..], [Stage::Reconstruction, Stage::Traversability]);
+    /// // nothing was measured, so there is no roughness
+    /// assert_eq!(report.roughness, Err(rugosa_fractal::roughness::Reason::TooFewPairs));
+    /// ```
     pub fn commit(&mut self, observe: &mut dyn FnMut(Stage)) -> SweepReport {
         let settings = self.settings();
         let committed = self.surface.commit();
@@ -291,6 +430,21 @@ impl<'m> Mapper<'m> {
     }
 
     /// Sets a parameter that may change while a map is kept.
+    ///
+    /// ```
+    /// use rugosa::{Config, Mapper, Planes33};
+    /// use rugosa_wire::{Configure, Verdict};
+    /// # let mut planes = Box::new(Planes33::new());
+    /// let mut mapper = Mapper::new(Config::default(), planes.lend()).unwrap();
+    /// let mut set = |name: &str, value: f32| {
+    ///     let parameter = Config::index_of(name).unwrap();
+    ///     mapper.configure(&Configure { parameter, value })
+    /// };
+    /// assert_eq!(set("gate", 4.0), Verdict::Accepted);
+    /// assert_eq!(set("gate", 0.0), Verdict::OutOfRange);
+    /// assert_eq!(set("resolution", 0.2), Verdict::Unsupported); // fixed while a map is kept
+    /// assert_eq!(mapper.config().gate, 4.0);
+    /// ```
     pub fn configure(&mut self, configure: &Configure) -> Verdict {
         let verdict = self.try_configure(configure);
         self.counters.count(match verdict {
@@ -318,6 +472,20 @@ impl<'m> Mapper<'m> {
 
     /// The scanner's clock or session has started afresh: poses and the sweep in progress
     /// are forgotten, the map stays.
+    ///
+    /// ```
+    /// use rugosa::{Config, Mapper, Planes33};
+    /// use rugosa_wire::PoseStamp;
+    /// # let mut planes = Box::new(Planes33::new());
+    /// let mut mapper = Mapper::new(Config::default(), planes.lend()).unwrap();
+    /// let orientation = [0.0, 0.0, 0.0, 1.0]; // x, y, z, w
+    /// mapper.pose(&PoseStamp { stamp_us: 900, position_m: [1.0, 2.0, 0.0], orientation });
+    /// assert_eq!(mapper.last_pose().unwrap().0, 900);
+    /// mapper.new_session(); // the clock starts again at 0
+    /// assert!(mapper.last_pose().is_none());
+    /// mapper.pose(&PoseStamp { stamp_us: 10, position_m: [0.0; 3], orientation });
+    /// assert_eq!(mapper.last_pose().unwrap().0, 10);
+    /// ```
     pub fn new_session(&mut self) {
         self.poses.clear();
         self.progress.forget();
@@ -329,6 +497,17 @@ impl<'m> Mapper<'m> {
     }
 
     /// How roughness is estimated.
+    ///
+    /// ```
+    /// use rugosa::{Config, Mapper, Planes33, config::Moment};
+    /// use rugosa_fractal::roughness::{Method, Trend};
+    /// # let mut planes = Box::new(Planes33::new());
+    /// let config = Config { moment: Moment::First, detrend: false, ..Config::default() };
+    /// let mapper = Mapper::new(config, planes.lend()).unwrap();
+    /// let settings = mapper.settings();
+    /// assert_eq!((settings.method, settings.trend), (Method::Yokoya, Trend::Keep));
+    /// assert_eq!((settings.resolution, settings.height_step), (0.1, 0.0005)); // metres
+    /// ```
     pub fn settings(&self) -> Settings {
         Settings {
             method: match self.config.moment {
@@ -351,6 +530,28 @@ impl<'m> Mapper<'m> {
     }
 
     /// The pooled counters of the 3 × 3 tiles around one.
+    ///
+    /// ```
+    /// # use nalgebra::Isometry3;
+    /// # use rugosa::{Config, Mapper, Planes65};
+    /// # use rugosa_grid::Tile;
+    /// # use rugosa_terrain::{Noise, grid::View};
+    /// # let mut planes = Box::new(Planes65::new());
+    /// # let mut mapper = Mapper::new(Config::default(), planes.lend()).unwrap();
+    /// # let (above, noise) = (Isometry3::translation(0.0, 0.0, 9.0), Noise::new(0.0, 0.0, 0.0));
+    /// # let view = View { map_from_sensor: &above, noise: &noise, sweep: 0 };
+    /// // a step of 0.2 m at x = 0 in every cell of the map
+    /// let cells = mapper.window().cells().map(|cell| mapper.lattice().centre(cell));
+    /// let step = |x: f32| if x > 0.0 { 0.2 } else { 0.0 };
+    /// let points: Vec<_> = cells.map(|(x, y)| [x, y, step(x) - 9.0]).collect();
+    /// mapper.points(&points, &view);
+    /// mapper.commit(&mut |_| {});
+    /// // mean squared difference of elevations, nominally 1 cell apart: 0 on the flat
+    /// let square = |tile| mapper.pool_around(tile).moments(0.1, 0.0005)[0].mean_square;
+    /// assert_eq!(square(Tile::new(-3, 0)), 0.0);
+    /// assert!(square(Tile::new(0, 0)) > 0.001); // m²
+    /// assert!(mapper.pool_around(Tile::new(0, 0)).pairs() < mapper.pool().pairs());
+    /// ```
     pub fn pool_around(&self, tile: Tile) -> Pool {
         Pool::around(
             self.surface.structure.tiles(),
@@ -385,11 +586,45 @@ impl<'m> Mapper<'m> {
     }
 
     /// What is known of a tile; `None` outside the window.
+    ///
+    /// ```
+    /// use rugosa::{Config, Mapper, Planes33};
+    /// use rugosa_fractal::roughness::Reason;
+    /// use rugosa_grid::Tile;
+    /// # let mut planes = Box::new(Planes33::new());
+    /// let mapper = Mapper::new(Config::default(), planes.lend()).unwrap();
+    /// let ground = mapper.tile(Tile::new(-2, 2)).unwrap(); // a corner of 33 × 33 cells
+    /// assert_eq!(ground.estimate, Err(Reason::TooFewPairs));
+    /// assert!(mapper.tile(Tile::new(3, 0)).is_none());
+    /// ```
     pub fn tile(&self, tile: Tile) -> Option<&TileGround> {
         self.surface.ground.get(&Tiles::of(self.window()), tile)
     }
 
     /// The reconstruction's mean at a cell \[m\]; `None` where none is kept.
+    ///
+    /// ```
+    /// use rugosa::{Config, Layer, Mapper, Planes33, Solver33};
+    /// # use rugosa_grid::Cell;
+    /// # use nalgebra::Isometry3;
+    /// # use rugosa_terrain::{Noise, grid::View};
+    /// # let (mut planes, mut solver) = (Box::new(Planes33::new()), Box::new(Solver33::new()));
+    /// # let (above, noise) = (Isometry3::translation(0.0, 0.0, 9.0), Noise::new(0.01, 0.0, 0.0));
+    /// # let view = View { map_from_sensor: &above, noise: &noise, sweep: 0 };
+    /// let memory = planes.lend_with(&mut solver);
+    /// let mut mapper = Mapper::new(Config::default(), memory).unwrap();
+    /// // the western half is seen, 0.5 m high
+    /// let west = mapper.window().cells().filter(|cell| cell.x < 0);
+    /// let places = west.map(|cell| mapper.lattice().centre(cell));
+    /// let points: Vec<_> = places.map(|(x, y)| [x, y, 0.5 - 9.0]).collect();
+    /// mapper.points(&points, &view);
+    /// mapper.commit(&mut |_| {});
+    /// let (seen, hidden) = (Cell::new(-5, 0), Cell::new(8, 0));
+    /// assert!((mapper.mean(seen).unwrap() - 0.5).abs() < 0.01);
+    /// assert!((mapper.mean(hidden).unwrap() - 0.5).abs() < 0.05);
+    /// assert!(mapper.deviation(hidden) > mapper.deviation(seen)); // metres
+    /// assert_eq!([seen, hidden].map(|c| mapper.value(Layer::Inferred, c)), [0.0, 1.0]);
+    /// ```
     pub fn mean(&self, cell: Cell) -> Option<f32> {
         self.reconstruction.mean(self.window(), cell)
     }
@@ -401,11 +636,54 @@ impl<'m> Mapper<'m> {
 
     /// A surface that the reconstruction holds for possible, at a cell \[m\]: with the
     /// ground's own roughness where the mean is too smooth.
+    ///
+    /// ```
+    /// use rugosa::{Config, Mapper, Planes33, Solver33};
+    /// use rugosa_grid::Cell;
+    /// # use nalgebra::Isometry3;
+    /// # use rugosa_terrain::{Noise, grid::View};
+    /// # let (mut planes, mut solver) = (Box::new(Planes33::new()), Box::new(Solver33::new()));
+    /// # let (above, noise) = (Isometry3::translation(0.0, 0.0, 9.0), Noise::new(0.001, 0.0, 0.0));
+    /// # let view = View { map_from_sensor: &above, noise: &noise, sweep: 0 };
+    /// let memory = planes.lend_with(&mut solver);
+    /// let mut mapper = Mapper::new(Config::default(), memory).unwrap();
+    /// mapper.points(&[[0.05, 0.05, 0.5 - 9.0]], &view);
+    /// mapper.commit(&mut |_| {});
+    /// // close to the return where there is one, rougher than the mean elsewhere
+    /// assert!((mapper.realisation(Cell::new(0, 0)).unwrap() - 0.5).abs() < 0.01);
+    /// let (here, next) = (Cell::new(9, 9), Cell::new(10, 9));
+    /// let step = |of: &dyn Fn(Cell) -> f32| (of(next) - of(here)).abs();
+    /// assert!(step(&|c| mapper.realisation(c).unwrap()) > step(&|c| mapper.mean(c).unwrap()));
+    /// ```
     pub fn realisation(&self, cell: Cell) -> Option<f32> {
         self.reconstruction.realisation(&self.surface.grid, cell)
     }
 
     /// Cost of a cell and the criterion behind it; unknown outside the window.
+    ///
+    /// ```
+    /// use rugosa::{Config, Mapper, Planes33, traversability::Criterion};
+    /// # use rugosa_grid::Cell;
+    /// # use nalgebra::Isometry3;
+    /// # use rugosa_terrain::{Noise, grid::View};
+    /// # let mut planes = Box::new(Planes33::new());
+    /// # let mut mapper = Mapper::new(Config::default(), planes.lend()).unwrap();
+    /// # let (above, noise) = (Isometry3::translation(0.0, 0.0, 9.0), Noise::new(0.01, 0.0, 0.0));
+    /// # let view = View { map_from_sensor: &above, noise: &noise, sweep: 0 };
+    /// // flat ground with one block of 0.4 m
+    /// let height = |c: Cell| if c == Cell::new(8, 0) { 0.4 } else { 0.0 };
+    /// let place = |cell| {
+    ///     let (x, y) = mapper.lattice().centre(cell);
+    ///     [x, y, height(cell) - 9.0]
+    /// };
+    /// let points: Vec<_> = mapper.window().cells().map(place).collect();
+    /// mapper.points(&points, &view);
+    /// mapper.commit(&mut |_| {});
+    /// let block = mapper.cost(Cell::new(8, 0));
+    /// assert_eq!((block.cost(), block.criterion), (Some(1.0), Criterion::Step));
+    /// assert_eq!(mapper.cost(Cell::new(-8, 0)).criterion, Criterion::Free);
+    /// assert_eq!(mapper.cost(Cell::new(99, 0)).cost(), None); // never seen
+    /// ```
     pub fn cost(&self, cell: Cell) -> CellCost {
         self.surface.costs.get(self.window(), cell)
     }
@@ -416,6 +694,19 @@ impl<'m> Mapper<'m> {
     }
 
     /// Takes over other limits; the costs follow at the next commit.
+    ///
+    /// ```
+    /// use rugosa::traversability::{LimitError, Limits, Pair};
+    /// use rugosa::{Config, Mapper, Planes33};
+    /// # let mut planes = Box::new(Planes33::new());
+    /// let mut mapper = Mapper::new(Config::default(), planes.lend()).unwrap();
+    /// let step = Pair { safe: 0.3, critical: 0.5 }; // metres
+    /// mapper.set_limits(Limits { step, ..Limits::default() }).unwrap();
+    /// assert_eq!(mapper.limits().step.cost(0.4), 0.5);
+    /// let wrong = Limits { wheel_base: 0.0, ..Limits::default() };
+    /// assert_eq!(mapper.set_limits(wrong), Err(LimitError("wheel_base")));
+    /// assert_eq!(mapper.limits().step, step);
+    /// ```
     pub fn set_limits(&mut self, limits: Limits) -> Result<(), LimitError> {
         limits.check()?;
         self.config.limits = limits;

@@ -18,6 +18,27 @@ pub const COLUMNS: usize = 1024;
 pub const LINES: usize = 512;
 
 /// Lent planes of a mapper of `side × side` cells.
+///
+/// ```
+/// use rugosa::{Config, Mapper, Memory, TileGround, solver_of, tiles_of, traversability::CellCost};
+/// use rugosa_fractal::roughness::{Block, TileSums};
+/// # use rugosa_grid::Sample;
+/// use rugosa_terrain::{GroundCell, LineTrig, Trig};
+/// let (side, columns, lines) = (33, 360, 16);
+/// let memory = Memory {
+///     cells: &mut vec![GroundCell::EMPTY; side * side],
+///     samples: &mut vec![Sample::UNKNOWN; side * side],
+///     tiles: &mut vec![TileSums::EMPTY; tiles_of(side)],
+///     ground: &mut vec![TileGround::EMPTY; tiles_of(side)],
+///     costs: &mut vec![CellCost::UNKNOWN; side * side],
+///     solver: &mut vec![0.0; solver_of(side)],
+///     block: &mut Block::new(),
+///     columns: &mut vec![Trig::ZERO; columns],
+///     lines: &mut vec![LineTrig::ZERO; lines],
+///     received: &mut vec![0; lines],
+/// };
+/// assert_eq!(Mapper::new(Config::default(), memory).unwrap().window().side(), side);
+/// ```
 pub struct Memory<'m> {
     /// `side²` fused cells
     pub cells: &'m mut [GroundCell],
@@ -42,12 +63,25 @@ pub struct Memory<'m> {
 }
 
 /// Tiles of a map of `side` cells a side.
+///
+/// ```
+/// // a map of 33 × 33 cells touches 5 × 5 tiles of 8 × 8 cells, wherever it lies
+/// assert_eq!(rugosa::tiles_of(33), 25);
+/// assert_eq!(rugosa::tiles_of(65), 81);
+/// ```
 pub const fn tiles_of(side: usize) -> usize {
     let per_side = Tiles::per_side(side);
     per_side * per_side
 }
 
 /// Elements of the reconstruction's solver for a map of `side` = 2^k + 1 cells a side.
+///
+/// ```
+/// // 76 KiB for 65 × 65 cells
+/// assert_eq!((4 * rugosa::solver_of(65)).div_ceil(1024), 76);
+/// // no such side, no memory
+/// assert_eq!(rugosa::solver_of(64), 0);
+/// ```
 pub const fn solver_of(side: usize) -> usize {
     match Posterior::need(side) {
         Ok(need) => need,
@@ -56,6 +90,11 @@ pub const fn solver_of(side: usize) -> usize {
 }
 
 /// Is this a side of a map: 2^k + 1, 33 … 1025?
+///
+/// ```
+/// let sides: Vec<usize> = (0..2000).filter(|&side| rugosa::is_side(side)).collect();
+/// assert_eq!(sides, [33, 65, 129, 257, 513, 1025]);
+/// ```
 pub const fn is_side(side: usize) -> bool {
     side >= 33 && side <= 1025 && (side - 1).is_power_of_two()
 }
@@ -89,6 +128,21 @@ impl Memory<'_> {
 }
 
 /// Memory of a mapper in one piece: `CELLS` = side², `TILES` = [`tiles_of`] (side).
+///
+/// ```
+/// use rugosa::{Config, Mapper, Planes, Planes33, Solver33, tiles_of};
+/// // firmware keeps it in a `static`, a host on its heap
+/// let mut planes = Box::new(Planes33::new());
+/// assert!(Mapper::new(Config::default(), planes.lend()).is_ok());
+/// // with a reconstruction, which needs a solver of the same side
+/// let mut solver = Solver33::new();
+/// let memory = planes.lend_with(&mut solver);
+/// assert_eq!(memory.solver.len(), rugosa::solver_of(33));
+/// // any other side by its numbers of cells and tiles
+/// let mut large = Box::new(Planes::<{ 257 * 257 }, { tiles_of(257) }>::new());
+/// let mapper = Mapper::new(Config::default(), large.lend()).unwrap();
+/// assert_eq!(mapper.window().side(), 257);
+/// ```
 pub struct Planes<const CELLS: usize, const TILES: usize> {
     cells: [GroundCell; CELLS],
     samples: [Sample; CELLS],

@@ -62,6 +62,26 @@ impl Outbox {
     }
 
     /// The next patch, if anything changed.
+    ///
+    /// ```
+    /// use rugosa::{Config, Layer, Mapper, Outbox, Planes33};
+    /// # use nalgebra::Isometry3;
+    /// # use rugosa_terrain::{Noise, grid::View};
+    /// # let mut planes = Box::new(Planes33::new());
+    /// # let mut mapper = Mapper::new(Config::default(), planes.lend()).unwrap();
+    /// # let (above, noise) = (Isometry3::translation(0.0, 0.0, 9.0), Noise::new(0.01, 0.0, 0.0));
+    /// # let view = View { map_from_sensor: &above, noise: &noise, sweep: 0 };
+    /// // returns in two tiles, one of them under the robot
+    /// mapper.points(&[[1.05, 0.05, -9.0], [0.05, 0.05, -9.0]], &view);
+    /// mapper.commit(&mut |_| {});
+    /// let mut outbox = Outbox::new();
+    /// let first = outbox.next(&mut mapper).unwrap();
+    /// // the nearest tile goes first; its lowest cell is (0, 0)
+    /// assert_eq!((first.layer, first.x, first.y), (Layer::Elevation as u8, 0, 0));
+    /// let rest: Vec<_> = std::iter::from_fn(|| outbox.next(&mut mapper)).collect();
+    /// assert!(rest.iter().any(|patch| (patch.x, patch.y) == (8, 0)));
+    /// assert_eq!(outbox.next(&mut mapper), None); // until something changes
+    /// ```
     pub fn next(&mut self, mapper: &mut Mapper) -> Option<Patch> {
         if self.left == 0 {
             let (tile, groups) = most_urgent(mapper)?;
@@ -75,6 +95,18 @@ impl Outbox {
 }
 
 /// Marks every tile as changed: after a restart of the receiver.
+///
+/// ```
+/// use rugosa::{Config, Mapper, Outbox, Planes33, outbox};
+/// # let mut planes = Box::new(Planes33::new());
+/// let mut mapper = Mapper::new(Config::default(), planes.lend()).unwrap();
+/// let mut out = Outbox::new();
+/// assert_eq!(out.next(&mut mapper), None);
+/// outbox::refresh(&mut mapper);
+/// let patches = std::iter::from_fn(|| out.next(&mut mapper)).count();
+/// // three layers of cells, three of roughness and the cost, of 25 tiles
+/// assert_eq!(patches, 25 * 7);
+/// ```
 pub fn refresh(mapper: &mut Mapper) {
     let tiles = Tiles::of(mapper.window());
     let groups = mapper.surface.ground.groups();
@@ -123,6 +155,26 @@ fn priority(waited: u8, dx: i32, dy: i32) -> f32 {
 }
 
 /// One layer of one tile.
+///
+/// ```
+/// use rugosa::{Config, Layer, Mapper, Planes33, outbox};
+/// use rugosa_grid::Tile;
+/// # use nalgebra::Isometry3;
+/// # use rugosa_terrain::{Noise, grid::View};
+/// # let mut planes = Box::new(Planes33::new());
+/// # let mut mapper = Mapper::new(Config::default(), planes.lend()).unwrap();
+/// # let (above, noise) = (Isometry3::translation(0.0, 0.0, 9.0), Noise::new(0.01, 0.0, 0.0));
+/// # let view = View { map_from_sensor: &above, noise: &noise, sweep: 0 };
+/// // ground that rises by 0.2 m per metre to the east
+/// let cells = mapper.window().cells().map(|cell| mapper.lattice().centre(cell));
+/// let points: Vec<_> = cells.map(|(x, y)| [x, y, 0.2 * x - 9.0]).collect();
+/// mapper.points(&points, &view);
+/// let patch = outbox::patch(&mapper, Layer::Elevation, Tile::new(-1, 1));
+/// assert_eq!((patch.x, patch.y, patch.width), (-8, 8, 8));
+/// let value = |i: usize| outbox::value_of(&patch, patch.values[i]);
+/// assert!((value(1) - value(0) - 0.02).abs() < 1e-4); // the next cell to the east
+/// assert!((value(8) - value(0)).abs() < 1e-4); // the next row to the north
+/// ```
 pub fn patch(mapper: &Mapper, layer: Layer, tile: Tile) -> Patch {
     let stride = if layer.description().per_tile {
         TILE
@@ -184,6 +236,23 @@ fn number(value: f32, scale: f32, offset: f32) -> i16 {
 }
 
 /// The value of a number in a patch; NaN for unknown.
+///
+/// ```
+/// use rugosa::{Layer, outbox::{UNKNOWN, value_of}};
+/// let patch = rugosa_wire::Patch {
+///     layer: Layer::Elevation as u8,
+///     sweep: 1,
+///     x: 0,
+///     y: 0,
+///     width: 8,
+///     stride: 1,
+///     scale: 0.001,
+///     offset: 2.0,
+///     values: Default::default(),
+/// };
+/// assert!((value_of(&patch, -500) - 1.5).abs() < 1e-6); // metres
+/// assert!(value_of(&patch, UNKNOWN).is_nan());
+/// ```
 pub fn value_of(patch: &Patch, number: i16) -> f32 {
     if number == UNKNOWN {
         f32::NAN

@@ -128,6 +128,18 @@ fn datum(grid: &ElevationGrid, cell: Cell) -> Option<Datum> {
 }
 
 /// The prior of ground of this roughness, or of ground of which nothing is known.
+///
+/// ```
+/// use rugosa::{Config, Mapper, Planes33, reconstruct::prior};
+/// use rugosa_fractal::roughness::Roughness;
+/// # let mut planes = Box::new(Planes33::new());
+/// let mapper = Mapper::new(Config::default(), planes.lend()).unwrap();
+/// let known = Roughness { hurst: 0.8, sigma: 0.2, ..Roughness::default() };
+/// let levels = prior(mapper.grid(), Some(&known)).unwrap();
+/// // E Δz² = σ² d^2H at 4 cells of 0.1 m, to 3 %
+/// let expected = 0.2f32.powi(2) * 0.4f32.powf(1.6);
+/// assert!((levels.structure(4).unwrap() / expected - 1.0).abs() < 0.03);
+/// ```
 pub fn prior(grid: &ElevationGrid, roughness: Option<&Roughness>) -> Option<Levels> {
     let (side, resolution) = (grid.window().side(), grid.lattice().resolution());
     let known = roughness.map(|r| {

@@ -13,6 +13,23 @@ const BOUND_SIGMAS: f32 = 2.0;
 impl Mapper<'_> {
     /// The value of a layer at a cell, in the unit of [`Layer::description`]; NaN where
     /// there is none. Layers by tile have one value for all cells of a tile.
+    ///
+    /// ```
+    /// use nalgebra::Isometry3;
+    /// use rugosa::{Config, Layer, Mapper, Planes33};
+    /// use rugosa_grid::Cell;
+    /// use rugosa_terrain::{Noise, grid::View};
+    /// # let mut planes = Box::new(Planes33::new());
+    /// # let mut mapper = Mapper::new(Config::default(), planes.lend()).unwrap();
+    /// let (above, noise) = (Isometry3::translation(0.0, 0.0, 9.0), Noise::new(0.02, 0.0, 0.0));
+    /// let view = View { map_from_sensor: &above, noise: &noise, sweep: 0 };
+    /// mapper.points(&[[0.0, 0.0, -8.5]], &view); // straight below
+    /// let of = |layer| mapper.value(layer, Cell::new(0, 0));
+    /// assert!((of(Layer::Elevation) - 0.5).abs() < 1e-5); // metres
+    /// assert!((of(Layer::Variance) - 0.0004).abs() < 1e-6); // the noise squared
+    /// assert!((of(Layer::UpperBound) - 0.54).abs() < 1e-5); // two deviations above
+    /// assert!(mapper.value(Layer::Elevation, Cell::new(1, 0)).is_nan());
+    /// ```
     pub fn value(&self, layer: Layer, cell: Cell) -> f32 {
         if layer.description().per_tile {
             let tile = self
@@ -87,6 +104,26 @@ impl Mapper<'_> {
 
     /// Slope, step and hidden step of the cells of a tile, row by row; `None` where a
     /// cell is not measured.
+    ///
+    /// ```
+    /// # use nalgebra::Isometry3;
+    /// # use rugosa::{Config, Mapper, Planes33};
+    /// use rugosa_grid::Tile;
+    /// # use rugosa_terrain::{Noise, grid::View};
+    /// # let mut planes = Box::new(Planes33::new());
+    /// # let mut mapper = Mapper::new(Config::default(), planes.lend()).unwrap();
+    /// # let (above, noise) = (Isometry3::translation(0.0, 0.0, 9.0), Noise::new(0.0, 0.0, 0.0));
+    /// # let view = View { map_from_sensor: &above, noise: &noise, sweep: 0 };
+    /// // ground that rises by 0.2 m per metre to the north, north of the origin only
+    /// let cells = mapper.window().cells().filter(|cell| cell.y >= 0);
+    /// let places = cells.map(|cell| mapper.lattice().centre(cell));
+    /// let points: Vec<_> = places.map(|(x, y)| [x, y, 0.2 * y - 9.0]).collect();
+    /// mapper.points(&points, &view);
+    /// let features = mapper.features_of(Tile::new(0, 0))[4][4].unwrap();
+    /// assert!((features.slope - 0.2f32.atan()).abs() < 0.001); // rad
+    /// assert!((features.step - 0.06).abs() < 0.001); // metres, over 0.3 m
+    /// assert!(mapper.features_of(Tile::new(0, -1))[4][4].is_none());
+    /// ```
     pub fn features_of(&self, tile: Tile) -> [[Option<Features>; TILE as usize]; TILE as usize] {
         let roughness = self.tile(tile).and_then(|ground| ground.estimate.ok());
         let resolution = self.lattice().resolution();
@@ -106,6 +143,22 @@ impl Mapper<'_> {
 
     /// Fills a plane of `side²` values of a layer, row by row from the south-west corner;
     /// the same values as [`Mapper::value`], tile by tile.
+    ///
+    /// ```
+    /// # use nalgebra::Isometry3;
+    /// use rugosa::{Config, Layer, Mapper, Planes33};
+    /// # use rugosa_terrain::{Noise, grid::View};
+    /// # let mut planes = Box::new(Planes33::new());
+    /// # let mut mapper = Mapper::new(Config::default(), planes.lend()).unwrap();
+    /// # let (above, noise) = (Isometry3::translation(0.0, 0.0, 9.0), Noise::new(0.0, 0.0, 0.0));
+    /// # let view = View { map_from_sensor: &above, noise: &noise, sweep: 0 };
+    /// // one return in the south-east corner of 33 × 33 cells around the origin
+    /// mapper.points(&[[1.65, -1.55, 0.25 - 9.0]], &view);
+    /// let mut plane = [0.0; 33 * 33];
+    /// mapper.fill(Layer::Elevation, &mut plane);
+    /// assert!((plane[32] - 0.25).abs() < 1e-5); // the last of the first row
+    /// assert_eq!(plane.iter().filter(|z| z.is_nan()).count(), 33 * 33 - 1);
+    /// ```
     pub fn fill(&self, layer: Layer, plane: &mut [f32]) {
         let window = *self.window();
         let is_feature = matches!(layer, Layer::Slope | Layer::Step | Layer::HiddenStep);
@@ -169,6 +222,16 @@ fn state_number(state: State) -> f32 {
 }
 
 /// Number of a reason in [`Layer::Reason`]; 0 where there is a dimension.
+///
+/// ```
+/// use rugosa::{Config, Layer, Mapper, Planes33, values::reason_number};
+/// use rugosa_fractal::roughness::Reason;
+/// # let mut planes = Box::new(Planes33::new());
+/// let mapper = Mapper::new(Config::default(), planes.lend()).unwrap();
+/// let reason = mapper.value(Layer::Reason, rugosa_grid::Cell::new(0, 0));
+/// assert_eq!(reason, reason_number(Reason::TooFewPairs));
+/// assert_eq!(reason_number(Reason::Slope), 4.0);
+/// ```
 pub fn reason_number(reason: Reason) -> f32 {
     match reason {
         Reason::TooFewPairs => 1.0,

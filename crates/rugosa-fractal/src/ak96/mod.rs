@@ -44,6 +44,25 @@ pub const KAPPA: f32 = 1.0;
 const MAX_LAYERS: usize = 12;
 
 /// Weights over temperatures of the layers, finest first.
+///
+/// ```
+/// use rugosa_fractal::ak96::{Ak96, Prior};
+/// use rugosa_fractal::pyramid::Datum;
+/// // one cell 1 m high with a variance of 1 m² among flat ground; dimension 2.3
+/// let datum = |i| Datum { height: if i == 144 { 1.0 } else { 0.0 }, variance: 1.0 };
+/// let peak = |prior: Prior| {
+///     let (mut memory, mut z) = (vec![0.0; Ak96::need(17).unwrap()], [0.0; 17 * 17]);
+///     let mut ak96 = Ak96::new(17, &mut memory).unwrap();
+///     ak96.observe(|i| Some(datum(i)), 0.0);
+///     (0..50).for_each(|_| ak96.relax(&prior));
+///     ak96.surface(&mut z);
+///     z[144]
+/// };
+/// // a hot prior lets the surface follow its data, a cold one smooths
+/// assert!(peak(Prior::empirical(2.3, 100.0)) > 0.9 && peak(Prior::empirical(2.3, 0.01)) < 0.1);
+/// assert!(peak(Prior::from_dimension(2.3, 100.0)) > 0.9);
+/// assert!(peak(Prior::from_dimension(2.3, 0.01)) < 0.1);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Prior {
     membrane: [f32; MAX_LAYERS],
@@ -74,6 +93,27 @@ impl Prior {
 }
 
 /// The state of the relaxation, in lent memory.
+///
+/// ```
+/// use rand_core::SeedableRng;
+/// use rugosa_fractal::ak96::{Ak96, Prior};
+/// use rugosa_fractal::pyramid::Datum;
+/// # let mut memory = vec![0.0; Ak96::need(17).unwrap()];
+/// let mut ak96 = Ak96::new(17, &mut memory).unwrap();
+/// // the first column is 2 m high, the last one 4 m; nothing is known between
+/// let height = |i: usize| 2.0 + (i % 17 / 16) as f32 * 2.0;
+/// let datum = |i| Datum { height: height(i), variance: 1e-4 };
+/// assert_eq!(ak96.observe(|i| (i % 17 % 16 == 0).then(|| datum(i)), 1e-6), 2 * 17);
+/// let prior = Prior::from_dimension(2.5, 0.01);
+/// (0..500).for_each(|_| ak96.relax(&prior));
+/// let (mut smooth, mut rough) = ([0.0; 17 * 17], [0.0; 17 * 17]);
+/// ak96.surface(&mut smooth);
+/// assert!((smooth[8 * 17] - 2.0).abs() < 0.05 && (smooth[8 * 17 + 8] - 3.0).abs() < 0.05);
+/// ak96.sample(&prior, &mut rand_xoshiro::Xoshiro128PlusPlus::seed_from_u64(1));
+/// ak96.surface(&mut rough);
+/// let square = |z: &[f32]| z.windows(2).map(|p| (p[1] - p[0]).powi(2)).sum::<f32>();
+/// assert!(square(&rough) > square(&smooth));
+/// ```
 #[derive(Debug)]
 pub struct Ak96<'m> {
     side: usize,

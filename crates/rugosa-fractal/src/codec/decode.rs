@@ -25,6 +25,25 @@ pub struct Decoded {
 /// Decodes into `out`, one f32 per node of the whole map; `work` holds one i32 per node. Of a
 /// prefix, the finest level that is complete.
 ///
+/// ```
+/// use rugosa_fractal::codec::{CodecError, Precision, decode, encode};
+/// use rugosa_fractal::surfaces::Shape;
+/// let shape = Shape::new(33, 33);
+/// let heights: Vec<f32> = (0..33 * 33).map(|i| ((i * i) % 97) as f32 * 0.1).collect();
+/// let (mut work, mut bytes, mut back) = (vec![0; 33 * 33], vec![0; 4000], vec![0.0; 33 * 33]);
+/// let told = encode(&heights, shape, Precision::Quick(0.05), (&mut work, &mut bytes)).unwrap();
+/// assert_eq!(decode(&bytes[..told.bytes], (&mut work, &mut back)).unwrap().step, 1);
+/// // of half the bytes a coarser map: every second or fourth node
+/// let half = decode(&bytes[..told.bytes / 2], (&mut work, &mut back)).unwrap();
+/// assert!(half.step >= 2 && Some(half.shape) == shape.coarser(half.step));
+/// let (row, column, columns) = (3, 1, half.shape.columns);
+/// let height = heights[row * half.step * 33 + column * half.step];
+/// assert!((back[row * columns + column] - height).abs() <= 0.05); // metres
+/// bytes[told.bytes / 2] ^= 1;
+/// let damaged = decode(&bytes[..told.bytes], (&mut work, &mut back));
+/// assert_eq!(damaged, Err(CodecError::Checksum));
+/// ```
+///
 /// # Errors
 /// Damage, memory; see [`CodecError`]. A prefix is protected by the header's checksum only.
 pub fn decode(bytes: &[u8], (work, out): (&mut [i32], &mut [f32])) -> Result<Decoded, CodecError> {

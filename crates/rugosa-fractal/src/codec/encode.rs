@@ -43,6 +43,22 @@ pub struct Encoded {
 
 /// Encodes `heights` (row by row, NaN unknown) into `out`. `work` holds one i32 per node.
 ///
+/// ```
+/// use rugosa_fractal::codec::{CodecError, Precision, decode, encode};
+/// use rugosa_fractal::surfaces::Shape;
+/// let shape = Shape::new(17, 33);
+/// let mut heights: Vec<f32> = (0..shape.len()).map(|i| (0.1 * i as f32).sin()).collect();
+/// heights[40] = f32::NAN; // unknown
+/// let (mut work, mut bytes) = (vec![0; shape.len()], vec![0; 2000]);
+/// let told = encode(&heights, shape, Precision::Within(0.01), (&mut work, &mut bytes)).unwrap();
+/// assert!(told.max_error <= 0.01 && told.bytes < shape.len()); // less than a byte a node
+/// let mut back = vec![0.0; shape.len()];
+/// decode(&bytes[..told.bytes], (&mut work, &mut back)).unwrap();
+/// assert!(back[40].is_nan() && (back[41] - heights[41]).abs() <= 0.01);
+/// let short = encode(&heights, shape, Precision::Within(0.01), (&mut work, &mut bytes[..99]));
+/// assert_eq!(short, Err(CodecError::Full));
+/// ```
+///
 /// # Errors
 /// Sizes, memory, precision, infinite heights; [`CodecError::Full`] if `out` is too short.
 pub fn encode(

@@ -38,6 +38,22 @@ pub struct Header {
 impl Header {
     /// Reads and checks a header; what follows it may be missing.
     ///
+    /// ```
+    /// use rugosa_fractal::codec::{CodecError, HEADER, Header, Precision, encode};
+    /// use rugosa_fractal::surfaces::Shape;
+    /// let heights: [f32; 81] = core::array::from_fn(|i| 100.0 + i as f32);
+    /// let (mut work, mut bytes) = ([0; 81], [0; 600]);
+    /// let lent = (&mut work[..], &mut bytes[..]);
+    /// let told = encode(&heights, Shape::new(9, 9), Precision::Step(0.5), lent).unwrap();
+    /// // the first bytes are enough
+    /// let header = Header::read(&bytes[..HEADER]).unwrap();
+    /// assert_eq!((header.shape, header.length), (Shape::new(9, 9), told.bytes));
+    /// assert_eq!((header.offset, header.max_error), (100.0, told.max_error)); // metres
+    /// assert!(header.is_lossy());
+    /// bytes[8] ^= 1;
+    /// assert_eq!(Header::read(&bytes), Err(CodecError::Header));
+    /// ```
+    ///
     /// # Errors
     /// Too short, another magic or version, damage.
     pub fn read(bytes: &[u8]) -> Result<Header, CodecError> {

@@ -20,6 +20,17 @@ const STRIDE: f32 = 4.0;
 /// Fewest bytes with every known height within `bound` metres: exact to the quantum, or
 /// coefficients rounded as coarsely as the bound allows, whichever is smaller.
 ///
+/// ```
+/// use rugosa_fractal::codec::{Precision, encode, encode_within};
+/// use rugosa_fractal::surfaces::Shape;
+/// let shape = Shape::new(33, 33);
+/// let heights: Vec<f32> = (0..33 * 33).map(|i| (0.01 * (i % 33 * i) as f32).sin()).collect();
+/// let (mut work, mut bytes) = (vec![0; 33 * 33], vec![0; 6000]);
+/// let exact = encode(&heights, shape, Precision::Within(0.2), (&mut work, &mut bytes)).unwrap();
+/// let best = encode_within(&heights, shape, 0.2, (&mut work, &mut bytes)).unwrap();
+/// assert!(best.max_error <= 0.2 && best.bytes <= exact.bytes);
+/// ```
+///
 /// # Errors
 /// As [`encode`].
 pub fn encode_within(
@@ -68,6 +79,16 @@ pub fn encode_within(
 
 /// Every known height within `bound` metres, packed for speed.
 ///
+/// ```
+/// use rugosa_fractal::codec::{decode, encode_quickly};
+/// use rugosa_fractal::surfaces::Shape;
+/// let heights: [f32; 81] = core::array::from_fn(|i| (i % 9) as f32 * 0.37);
+/// let (mut work, mut bytes, mut back) = ([0; 81], [0; 600], [0.0; 81]);
+/// let told = encode_quickly(&heights, Shape::new(9, 9), 0.01, (&mut work, &mut bytes)).unwrap();
+/// decode(&bytes[..told.bytes], (&mut work, &mut back)).unwrap();
+/// assert!(heights.iter().zip(back).all(|(a, b)| (a - b).abs() <= 0.01)); // metres
+/// ```
+///
 /// # Errors
 /// As [`encode`].
 pub fn encode_quickly(
@@ -99,6 +120,19 @@ fn exactly_within(
 }
 
 /// Best quality in at most `bytes` bytes.
+///
+/// ```
+/// use rugosa_fractal::codec::{CodecError, encode_to_size};
+/// use rugosa_fractal::surfaces::Shape;
+/// let shape = Shape::new(33, 33);
+/// let heights: Vec<f32> = (0..33 * 33).map(|i| (0.01 * (i % 33 * i) as f32).sin()).collect();
+/// let (mut work, mut bytes) = (vec![0; 33 * 33], vec![0; 6000]);
+/// let mut coded = |size| encode_to_size(&heights, shape, size, (&mut work, &mut bytes));
+/// let (small, large) = (coded(200).unwrap(), coded(800).unwrap());
+/// assert!(small.bytes <= 200 && large.bytes <= 800);
+/// assert!(large.mean_square < small.mean_square);
+/// assert_eq!(coded(20), Err(CodecError::Unreachable(20)));
+/// ```
 ///
 /// # Errors
 /// As [`encode`]; [`CodecError::Unreachable`] if even a nearly flat map is longer.

@@ -70,6 +70,15 @@ impl Levels {
     /// fBm on side × side cells: E Δz² = σ² d^{2H}, d in cells, `sigma` \[m\] the
     /// deviation of an elevation difference over one cell.
     ///
+    /// ```
+    /// use rugosa_fractal::pyramid::{Error, Levels};
+    /// // 0.1 m from one cell to the next, hurst 0.7
+    /// let levels = Levels::power_law(65, 0.7, 0.1).unwrap();
+    /// let ratio = |lag: u16| levels.structure(lag).unwrap() / (0.01 * f32::from(lag).powf(1.4));
+    /// assert!((ratio(1) - 1.0).abs() < 0.03 && (ratio(8) - 1.0).abs() < 0.03);
+    /// assert_eq!(Levels::power_law(64, 0.7, 0.1), Err(Error::Side(64)));
+    /// ```
+    ///
     /// # Errors
     /// A side that is not 2^k + 1, `hurst` outside (0, 1), `sigma` not positive.
     pub fn power_law(side: usize, hurst: f32, sigma: f32) -> Result<Levels, Error> {
@@ -101,6 +110,18 @@ impl Levels {
 
     /// A prior with a given structure function: `structure(d)` \[m²\] is E Δz² at `d`
     /// cells, d from 1 to half the side.
+    ///
+    /// ```
+    /// use rugosa_fractal::pyramid::Levels;
+    /// // smooth up to 4 cells, rough beyond [m²]
+    /// let rough = |d: f32| 4f32.powf(1.2) * d.powf(0.4);
+    /// let ground = |d: f32| 0.01 * if d < 4.0 { d.powf(1.6) } else { rough(d) };
+    /// let levels = Levels::measured(65, ground).unwrap();
+    /// for lag in [1, 2, 4, 8, 16] {
+    ///     let ratio = levels.structure(lag).unwrap() / ground(f32::from(lag));
+    ///     assert!((0.85..1.15).contains(&ratio), "{lag} cells: {ratio}");
+    /// }
+    /// ```
     ///
     /// # Errors
     /// A side that is not 2^k + 1; values that are not positive and finite.
@@ -162,6 +183,17 @@ pub struct Field<'a> {
 impl<'a> Field<'a> {
     /// `tiles` row by row, `columns` in a row, each `edge` × `edge` cells; cells beyond
     /// the last tile take its values.
+    ///
+    /// ```
+    /// use rugosa_fractal::pyramid::{Field, Levels, Prior};
+    /// // calm ground in the west, rough ground in the east, 8 × 8 cells each
+    /// let tiles = [0.01, 0.09].map(|sigma| Levels::power_law(17, 0.5, sigma).unwrap());
+    /// let field = Field::new(&tiles, 2, 8).unwrap();
+    /// let finest = |column| field.variance(0, 3, column);
+    /// assert_eq!(finest(0), tiles[0].variance(0, 0, 0));
+    /// assert_eq!(finest(16), tiles[1].variance(0, 0, 0));
+    /// assert!(finest(4) < finest(8) && finest(8) < finest(11)); // between the tiles' centres
+    /// ```
     ///
     /// # Errors
     /// No tile, or rows that are not full.

@@ -52,6 +52,20 @@ impl Posterior<'_> {
     /// data's weights, see [`Posterior::heights`]: for a target that has no memory to
     /// spare. Until the next [`Posterior::observe`] or [`Posterior::draw`] there is
     /// nothing to solve and nothing else to be asked for.
+    ///
+    /// ```
+    /// use rugosa_fractal::pyramid::{Datum, Levels, Posterior};
+    /// let prior = Levels::power_law(33, 0.7, 0.1).unwrap();
+    /// let data = |i| (i % 9 == 0).then_some(Datum { height: (i % 33) as f32, variance: 1e-4 });
+    /// let (mut memory, mut mean) = (vec![0.0; Posterior::need(33).unwrap()], vec![0.0; 33 * 33]);
+    /// let mut posterior = Posterior::new(33, &mut memory).unwrap();
+    /// posterior.observe(&prior, data);
+    /// posterior.step(20);
+    /// posterior.mean(&prior, data, &mut mean);
+    /// posterior.mean_in_place(&prior, data);
+    /// let pairs = posterior.heights().iter().zip(&mean);
+    /// assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-4)); // metres
+    /// ```
     pub fn mean_in_place(&mut self, prior: &impl Prior, data: impl Fn(usize) -> Option<Datum>) {
         let (offset, side) = (self.offset, self.shape.side);
         self.visit(|i, c, u| {
@@ -93,6 +107,21 @@ impl Posterior<'_> {
 
     /// The posterior's standard deviation \[m\] of every cell, from `draws.count`
     /// realisations. The present solution is lost.
+    ///
+    /// ```
+    /// use rand_core::SeedableRng;
+    /// use rugosa_fractal::pyramid::{Datum, Draws, Levels, Posterior};
+    /// let prior = Levels::power_law(33, 0.5, 0.1).unwrap();
+    /// let data = |i| (i % 33 == 0).then_some(Datum { height: 2.0, variance: 1e-4 });
+    /// let (mut memory, mut sd) = (vec![0.0; Posterior::need(33).unwrap()], vec![0.0; 33 * 33]);
+    /// let mut posterior = Posterior::new(33, &mut memory).unwrap();
+    /// let mut rng = rand_xoshiro::Xoshiro128PlusPlus::seed_from_u64(1);
+    /// let draws = Draws { count: 50, iterations: 20 };
+    /// posterior.standard_deviation((&prior, data), draws, &mut rng, &mut sd);
+    /// let [at, near, far] = [0, 4, 32].map(|column| sd[16 * 33 + column]);
+    /// // 1 cm where it was measured; more with the distance [m]
+    /// assert!((at - 0.01).abs() < 0.001 && near > 0.1 && far > 1.5 * near);
+    /// ```
     pub fn standard_deviation(
         &mut self,
         (prior, data): (&impl Prior, impl Fn(usize) -> Option<Datum>),

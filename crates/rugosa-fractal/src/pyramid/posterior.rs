@@ -67,6 +67,25 @@ pub struct Progress {
 }
 
 /// A reconstruction: the solver's state in lent memory.
+///
+/// ```
+/// use rugosa_fractal::pyramid::{Datum, Levels, Posterior};
+/// let prior = Levels::power_law(33, 0.7, 0.1).unwrap(); // 0.1 m over one cell
+/// // 2 m in the west, 3 m in the east, 1 cm sure; nothing is known between
+/// let data = |i: usize| match i % 33 {
+///     0 => Some(Datum { height: 2.0, variance: 1e-4 }),
+///     32 => Some(Datum { height: 3.0, variance: 1e-4 }),
+///     _ => None,
+/// };
+/// # let (mut memory, mut mean) = (vec![0.0; Posterior::need(33).unwrap()], vec![0.0; 33 * 33]);
+/// let mut posterior = Posterior::new(33, &mut memory).unwrap();
+/// assert_eq!(posterior.observe(&prior, data).used, 2 * 33);
+/// assert!(posterior.step(50).residual < 1e-3);
+/// posterior.mean(&prior, data, &mut mean);
+/// let [west, middle, east] = [0, 16, 32].map(|column| mean[16 * 33 + column]); // row 16
+/// assert!((west - 2.0).abs() < 0.02 && (east - 3.0).abs() < 0.02);
+/// assert!((middle - 2.5).abs() < 0.02);
+/// ```
 #[derive(Debug)]
 pub struct Posterior<'m> {
     pub(super) shape: Shape,
@@ -157,6 +176,21 @@ impl<'m> Posterior<'m> {
     }
 
     /// Forgets the solution: the next [`Posterior::observe`] starts from the prior mean.
+    ///
+    /// ```
+    /// use rugosa_fractal::pyramid::{Datum, Levels, Posterior};
+    /// let prior = Levels::power_law(33, 0.7, 0.1).unwrap();
+    /// let data = |i| Some(Datum { height: (i % 33) as f32 * 0.1, variance: 0.01 });
+    /// let mut memory = vec![0.0; Posterior::need(33).unwrap()];
+    /// let mut posterior = Posterior::new(33, &mut memory).unwrap();
+    /// posterior.observe(&prior, data);
+    /// posterior.step(50);
+    /// posterior.observe(&prior, data); // goes on from the solution
+    /// assert!(posterior.step(0).residual < 1e-3);
+    /// posterior.restart();
+    /// posterior.observe(&prior, data); // from nothing
+    /// assert!(posterior.step(0).residual > 0.1);
+    /// ```
     pub fn restart(&mut self) {
         self.x.fill(0.0);
         self.cold = true;
@@ -179,6 +213,23 @@ impl<'m> Posterior<'m> {
 
     /// Takes the data in and makes ready to solve for a draw from the posterior at a
     /// temperature ≥ 0 (0: the mean, 1: the posterior). The present solution is lost.
+    ///
+    /// ```
+    /// use rand_core::SeedableRng;
+    /// use rugosa_fractal::pyramid::{Datum, Levels, Posterior};
+    /// let prior = Levels::power_law(33, 0.7, 0.1).unwrap();
+    /// let data = |i| (i % 33 == 0).then_some(Datum { height: 2.0, variance: 1e-6 });
+    /// # let (mut memory, mut z) = (vec![0.0; Posterior::need(33).unwrap()], vec![0.0; 33 * 33]);
+    /// let mut posterior = Posterior::new(33, &mut memory).unwrap();
+    /// # let mut rng = rand_xoshiro::Xoshiro128PlusPlus::seed_from_u64(1);
+    /// posterior.draw((&prior, data), 1.0, &mut rng);
+    /// posterior.step(50);
+    /// posterior.realisation((&prior, data), 1.0, &mut rng, &mut z);
+    /// // where it was measured it is 2 m, elsewhere as rough as the prior
+    /// assert!((z[16 * 33] - 2.0).abs() < 0.01);
+    /// let square: f32 = z.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum();
+    /// assert!(square / (33.0 * 33.0) > 0.005); // of 0.01 m²
+    /// ```
     pub fn draw(
         &mut self,
         (prior, data): (&impl Prior, impl Fn(usize) -> Option<Datum>),
@@ -365,6 +416,24 @@ impl<'m> Posterior<'m> {
     /// The window has moved by (columns, rows) cells: cell (x, y) of the new window is
     /// (x + columns, y + rows) of the old one. Numbers are interpolated between nodes
     /// and 0 where nothing was known. To be followed by [`Posterior::observe`].
+    ///
+    /// ```
+    /// use rugosa_fractal::pyramid::{Datum, Levels, Posterior};
+    /// let prior = Levels::power_law(33, 0.7, 0.1).unwrap();
+    /// # let mut memory = vec![0.0; Posterior::need(33).unwrap()];
+    /// let mut posterior = Posterior::new(33, &mut memory).unwrap();
+    /// // a ridge in column 20, 1 m high, on flat ground
+    /// let ridge = |column| {
+    ///     let height = move |i: usize| if i % 33 == column { 1.0 } else { 0.0 };
+    ///     move |i| Some(Datum { height: height(i), variance: 0.01 })
+    /// };
+    /// posterior.observe(&prior, ridge(20));
+    /// posterior.step(50);
+    /// // the window moves by four cells to the east: the ridge is now in column 16
+    /// posterior.shift(4, 0);
+    /// posterior.observe(&prior, ridge(16));
+    /// assert!(posterior.step(0).residual < 0.5); // 1 without the shift
+    /// ```
     pub fn shift(&mut self, columns: i32, rows: i32) {
         let drift = self.s[0] * self.x[0] * columns as f32 + self.s[1] * self.x[1] * rows as f32;
         if self.s[PLANE - 1] > 0.0 {

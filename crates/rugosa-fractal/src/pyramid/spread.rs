@@ -60,6 +60,24 @@ impl Posterior<'_> {
     /// the solve is done; until the next [`Posterior::observe`] or [`Posterior::draw`]
     /// cells can be asked for [`Posterior::deviation_at`] and [`Posterior::draw_at`],
     /// and nothing can be solved.
+    ///
+    /// ```
+    /// use rand_core::SeedableRng;
+    /// # use rand_xoshiro::Xoshiro128PlusPlus;
+    /// use rugosa_fractal::pyramid::{Datum, Finest, Levels, Posterior, Prior};
+    /// let prior = Levels::power_law(33, 0.5, 0.1).unwrap();
+    /// let data = |i| (i % 33 == 0).then_some(Datum { height: 2.0, variance: 1e-4 });
+    /// # let mut memory = vec![0.0; Posterior::need(33).unwrap()];
+    /// let mut posterior = Posterior::new(33, &mut memory).unwrap();
+    /// posterior.observe(&prior, data);
+    /// posterior.step(20);
+    /// posterior.spread(&mut Xoshiro128PlusPlus::seed_from_u64(1));
+    /// let finest = |i| Finest { variance: prior.variance(0, 0, 0), datum: data(i) };
+    /// let [at, near, far] = [528, 532, 560].map(|i| posterior.deviation_at(i, finest(i)));
+    /// assert!((at - 0.01).abs() < 0.001 && near > 0.1 && far > 1.5 * near); // metres
+    /// let mut own = Xoshiro128PlusPlus::seed_from_u64(528);
+    /// assert!(posterior.draw_at(528, finest(528), &mut own).abs() < 5.0 * at);
+    /// ```
     pub fn spread(&mut self, rng: &mut impl Rng) {
         self.end();
         self.spread_block(rng);

@@ -111,6 +111,32 @@ pub enum Reason {
 }
 
 /// Roughness of a pool of tiles, or the reason why it has none.
+///
+/// ```
+/// use rugosa_fractal::pyramid::{Levels, Posterior};
+/// use rugosa_fractal::roughness::{Block, Pool, Settings, StructureFunction, TileSums, estimate};
+/// # use rand_core::SeedableRng;
+/// # use rugosa_fractal::synthesis::pyramid;
+/// # use rugosa_grid::{Cell, Sample, Window};
+/// // ground of dimension 2.3 in cells of 0.1 m, σ = 0.2 m at 1 m; heights in steps of 0.5 mm
+/// let prior = Levels::power_law(65, 0.7, 0.2 * 0.1f32.powf(0.7)).unwrap();
+/// # let mut rng = rand_xoshiro::Xoshiro128PlusPlus::seed_from_u64(2);
+/// # let (mut memory, mut z) = (vec![0.0; Posterior::need(65).unwrap()], vec![0.0; 65 * 65]);
+/// # pyramid((65, &prior), &mut rng, &mut memory, &mut z).unwrap();
+/// # let sample = |z: &f32| Sample::measured((z / 0.0005) as i16, 0, 0, 0, 255);
+/// # let mut samples: Vec<Sample> = z.iter().map(sample).collect();
+/// # let window = Window::new(65, Cell::new(0, 0));
+/// # let (mut tiles, mut block) = ([TileSums::EMPTY; 81], Block::new());
+/// let mut structure = StructureFunction::new(65, &mut tiles, &mut block);
+/// for cell in window.cells() {
+///     structure.replaced(&window, &samples, cell, &Sample::UNKNOWN);
+/// }
+/// structure.commit(&window, &mut samples);
+/// let pool = Pool::of_all(structure.tiles());
+/// let roughness = estimate(&pool, &Settings::new(0.1, 0.0005)).unwrap();
+/// assert!((roughness.dimension - 2.3).abs() < 2.0 * roughness.standard_error);
+/// assert!(roughness.standard_error < 0.05 && (roughness.sigma - 0.2).abs() < 0.05); // m
+/// ```
 pub fn estimate(pool: &Pool, settings: &Settings) -> Result<Roughness, Reason> {
     let (moments, [east, north]) =
         pool.moments_and_slope(settings.resolution, settings.height_step);

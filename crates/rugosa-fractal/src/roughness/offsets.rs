@@ -40,6 +40,12 @@ static TABLE: [(i8, i8); OFFSETS] = OFFSET_TABLE;
 const OFFSET_TABLE: [(i8, i8); OFFSETS] = table();
 
 /// The offsets (x, y) of lag number `lag`, in cells.
+///
+/// ```
+/// use rugosa_fractal::roughness::offsets::offsets;
+/// // east, north, and the two diagonals to the north: every pair is met once
+/// assert_eq!(offsets(0), [(1, 0), (0, 1), (1, 1), (-1, 1)]);
+/// ```
 #[inline]
 pub fn offsets(lag: usize) -> &'static [(i8, i8)] {
     &TABLE[START[lag] as usize..START[lag + 1] as usize]
@@ -48,6 +54,12 @@ pub fn offsets(lag: usize) -> &'static [(i8, i8)] {
 static MOMENTS: [(f32, f32); LAGS] = moments();
 
 /// Mean of |offset|² and of |offset|⁴ over the offsets of a lag, in cells² and cells⁴.
+///
+/// ```
+/// use rugosa_fractal::roughness::offsets::nominal_moments;
+/// // 1, 1, 2 and 2 cells²
+/// assert_eq!(nominal_moments(0), (1.5, 2.5));
+/// ```
 #[inline]
 pub fn nominal_moments(lag: usize) -> (f32, f32) {
     MOMENTS[lag]

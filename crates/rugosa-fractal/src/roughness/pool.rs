@@ -18,6 +18,24 @@ use super::sums::{LagSums, TileSums};
 use rugosa_grid::{TILE, Tile, Tiles, math, sample::PARTS};
 
 /// Sums over several tiles.
+///
+/// ```
+/// use rugosa_fractal::roughness::{LagSums, Pool, TileSums};
+/// # use rugosa_grid::Sample;
+/// // 3 height steps up to the east, none to the north
+/// let [here, east, north] = [0, 3, 0].map(|z| Sample::measured(z, 1, 0, 0, 255));
+/// let mut tile = TileSums::EMPTY;
+/// tile.lags[0] += &LagSums::of_pair(&here, &east, (1, 0));
+/// tile.lags[0] += &LagSums::of_pair(&here, &north, (0, 1));
+/// let mut pool = Pool::new();
+/// pool.add(&tile);
+/// // cells of 0.5 m, steps of 1 cm
+/// let (moments, [to_the_east, to_the_north]) = pool.moments_and_slope(0.5, 0.01);
+/// assert_eq!((moments[0].pairs, moments[0].distance()), (2, 0.5));
+/// assert!((moments[0].mean_square - 0.03f32.powi(2) / 2.0).abs() < 1e-8);
+/// assert!((moments[0].noise - 0.0002).abs() < 1e-8); // two variances of 1 step²
+/// assert!((to_the_east - 0.06).abs() < 1e-6 && to_the_north.abs() < 1e-6);
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Pool {
     lags: [WideSums; LAGS],
@@ -60,6 +78,20 @@ impl Pool {
     }
 
     /// The 3 × 3 tiles around `tile`, as far as they exist.
+    ///
+    /// ```
+    /// use rugosa_fractal::roughness::{LagSums, Pool, TileSums};
+    /// use rugosa_grid::{Cell, Sample, Tile, Tiles, Window};
+    /// let tiles = Tiles::of(&Window::new(33, Cell::new(0, 0)));
+    /// let mut sums = [TileSums::EMPTY; 25];
+    /// let sample = Sample::measured(0, 0, 0, 0, 255);
+    /// for tile in tiles.tiles() {
+    ///     sums[tiles.slot(tile).unwrap()].lags[0] = LagSums::of_pair(&sample, &sample, (1, 0));
+    /// }
+    /// let pairs = |x, y| Pool::around(&sums, &tiles, Tile::new(x, y)).pairs();
+    /// assert_eq!((pairs(2, 2), pairs(0, 2), pairs(0, 0)), (9, 6, 4)); // inside, border, corner
+    /// assert_eq!(Pool::of_all(&sums).pairs(), 25);
+    /// ```
     pub fn around(sums: &[TileSums], tiles: &Tiles, tile: Tile) -> Self {
         let mut pool = Pool::new();
         for near in tile.around() {

@@ -43,6 +43,26 @@ pub struct Committed {
 }
 
 /// The sums of all tiles of a window, over lent memory.
+///
+/// ```
+/// use rugosa_fractal::roughness::{Block, StructureFunction, TileSums};
+/// # use rugosa_grid::{Cell, Sample, Window};
+/// # let window = Window::new(33, Cell::new(0, 0));
+/// # let mut samples = [Sample::UNKNOWN; 33 * 33];
+/// # let mut tiles = [TileSums::EMPTY; StructureFunction::tiles_needed(33)];
+/// # let mut block = Block::new();
+/// let mut structure = StructureFunction::new(33, &mut tiles, &mut block);
+/// let mut put = |x, height| {
+///     let (cell, slot) = (Cell::new(x, 0), window.slot(Cell::new(x, 0)).unwrap());
+///     let old = core::mem::replace(&mut samples[slot], Sample::measured(height, 0, 0, 0, 0));
+///     structure.replaced(&window, &samples, cell, &old);
+///     structure.commit(&window, &mut samples);
+///     let lag = structure.tiles()[0].lags[0]; // of about one cell
+///     (lag.pairs, lag.absolute)
+/// };
+/// assert_eq!((put(0, 10), put(1, 17)), ((0, 0), (1, 7))); // height steps
+/// assert_eq!(put(1, 12), (1, 2)); // the old pair is taken out again
+/// ```
 #[derive(Debug)]
 pub struct StructureFunction<'m> {
     tiles: &'m mut [TileSums],

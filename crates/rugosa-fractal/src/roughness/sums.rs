@@ -40,6 +40,21 @@ pub struct LagSums {
 
 impl LagSums {
     /// The sums of the single pair (lower, upper) whose cells lie `(x, y)` cells apart.
+    ///
+    /// ```
+    /// use rugosa_fractal::roughness::LagSums;
+    /// use rugosa_grid::Sample;
+    /// let lower = Sample::measured(100, 4, 0, 0, 255);
+    /// let upper = Sample::measured(95, 2, -16, 0, 255); // a quarter of a cell to the west
+    /// let pair = LagSums::of_pair(&lower, &upper, (2, 0));
+    /// assert_eq!((pair.pairs, pair.absolute, pair.square, pair.noise), (1, 5, 25, 6));
+    /// // 1.75 cells to the east, downward
+    /// assert_eq!((pair.spread, pair.trend), ([112 * 112, 0, 0], [-5 * 112, 0]));
+    /// let mut sums = LagSums::EMPTY;
+    /// sums += &pair;
+    /// sums -= &pair;
+    /// assert_eq!(sums, LagSums::EMPTY);
+    /// ```
     #[inline(always)]
     pub fn of_pair(lower: &Sample, upper: &Sample, (x, y): (i32, i32)) -> Self {
         let dz = i32::from(upper.height) - i32::from(lower.height);
@@ -137,6 +152,21 @@ impl TileSums {
     };
 
     /// Did the sums change since this was last asked? Asking resets it.
+    ///
+    /// ```
+    /// use rugosa_fractal::roughness::{Block, StructureFunction, TileSums};
+    /// use rugosa_grid::{Cell, Sample, Window};
+    /// let window = Window::new(33, Cell::new(0, 0));
+    /// let mut samples = [Sample::UNKNOWN; 33 * 33];
+    /// let (mut tiles, mut block) = ([TileSums::EMPTY; 25], Block::new());
+    /// let mut structure = StructureFunction::new(33, &mut tiles, &mut block);
+    /// samples[0] = Sample::measured(7, 0, 0, 0, 255);
+    /// structure.replaced(&window, &samples, Cell::new(0, 0), &Sample::UNKNOWN);
+    /// structure.commit(&window, &mut samples);
+    /// let sums = structure.tiles_mut();
+    /// assert!(sums[0].take_changed() && !sums[0].take_changed());
+    /// assert!(!sums[24].take_changed()); // out of reach of cell (0, 0)
+    /// ```
     pub fn take_changed(&mut self) -> bool {
         core::mem::take(&mut self.changed)
     }

@@ -17,6 +17,16 @@ pub mod rectangular;
 use core::fmt;
 
 /// Rows and columns of a grid stored row by row.
+///
+/// ```
+/// use rugosa_fractal::surfaces::Shape;
+/// let shape = Shape::new(9, 17);
+/// assert_eq!(shape.len(), 153);
+/// let every_fourth = shape.coarser(4);
+/// assert_eq!(every_fourth, Some(Shape::new(3, 5)));
+/// assert_eq!(every_fourth.map(|coarse| coarse.finer(4)), Some(shape));
+/// assert_eq!(shape.coarser(3), None); // the last row would be left out
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shape {
     /// samples per column

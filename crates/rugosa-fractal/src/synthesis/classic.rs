@@ -22,6 +22,22 @@ use rugosa_grid::math;
 /// `hurst`, scaled so that an elevation difference over the whole side has a standard
 /// deviation of roughly side^H, that over one cell of roughly 1.
 ///
+/// ```
+/// use rand_core::SeedableRng;
+/// use rugosa_fractal::{pyramid::Error, synthesis::classic};
+/// # let mut rng = rand_xoshiro::Xoshiro128PlusPlus::seed_from_u64(1);
+/// let mut z = vec![0.0; 129 * 129];
+/// classic(129, 0.5, &mut rng, &mut z).unwrap();
+/// // mean square of the differences within a row
+/// let square = |lag: usize| {
+///     let rows = z.chunks(129).flat_map(|row| row.iter().zip(&row[lag..]));
+///     rows.map(|(a, b)| (b - a).powi(2)).sum::<f32>() / (129 * (129 - lag)) as f32
+/// };
+/// assert!((1.0..3.0).contains(&square(1)));
+/// assert!((2.5..4.5).contains(&(square(4) / square(1)))); // roughly 4^2H
+/// assert_eq!(classic(128, 0.5, &mut rng, &mut z), Err(Error::Side(128)));
+/// ```
+///
 /// # Errors
 /// A side that is not 2^k + 1; `hurst` outside (0, 1); `out` too small.
 pub fn classic(side: usize, hurst: f32, rng: &mut impl Rng, out: &mut [f32]) -> Result<(), Error> {

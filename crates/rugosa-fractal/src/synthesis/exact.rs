@@ -26,11 +26,34 @@ use rustfft::{Fft, FftPlanner, num_complex::Complex64};
 use std::{sync::Arc, vec, vec::Vec};
 
 /// One exact fBm surface; see [`exact_fbm_pair`].
+///
+/// ```
+/// use rugosa_fractal::synthesis::exact_fbm;
+/// let z = exact_fbm(128, 0.5, 1);
+/// assert_eq!((z.len(), z[0]), (128 * 128, 0.0));
+/// // mean square of the differences within a row: d^2H, d in cells
+/// let square = |lag: usize| {
+///     let rows = z.chunks(128).flat_map(|row| row.iter().zip(&row[lag..]));
+///     rows.map(|(a, b)| (b - a).powi(2)).sum::<f32>() / (128 * (128 - lag)) as f32
+/// };
+/// assert!((square(1) - 1.0).abs() < 0.05 && (square(4) / 4.0 - 1.0).abs() < 0.1);
+/// ```
 pub fn exact_fbm(side: usize, hurst: f64, seed: u64) -> Vec<f32> {
     exact_fbm_pair(side, hurst, seed)[0].clone()
 }
 
 /// Two independent exact fBm surfaces of side × side nodes, E Δz² = d^{2H}, d in cells.
+///
+/// ```
+/// use rugosa_fractal::synthesis::{exact_fbm, exact_fbm_pair};
+/// let [first, second] = exact_fbm_pair(64, 0.5, 7);
+/// assert_eq!(first, exact_fbm(64, 0.5, 7)); // the same seed, the same surface
+/// // the steps of the two surfaces along their rows are not correlated
+/// let rows = first.chunks(64).zip(second.chunks(64));
+/// let steps = rows.flat_map(|(a, b)| a.windows(2).zip(b.windows(2)));
+/// let products = steps.map(|(a, b)| (a[1] - a[0]) * (b[1] - b[0]));
+/// assert!((products.sum::<f32>() / (64.0 * 63.0)).abs() < 0.1);
+/// ```
 ///
 /// # Panics
 /// If `hurst` is not inside (0, 1) or `side` is 0.

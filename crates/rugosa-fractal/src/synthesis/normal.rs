@@ -18,12 +18,31 @@ use rugosa_grid::math;
 include!(concat!(env!("OUT_DIR"), "/ziggurat.rs"));
 
 /// A uniform number in (0, 1), a multiple of 2⁻²⁴ plus 2⁻²⁵.
+///
+/// ```
+/// use rand_core::SeedableRng;
+/// use rugosa_fractal::synthesis::uniform;
+/// let mut rng = rand_xoshiro::Xoshiro128PlusPlus::seed_from_u64(1);
+/// let numbers: Vec<f32> = (0..10_000).map(|_| uniform(&mut rng)).collect();
+/// assert!(numbers.iter().all(|&x| x > 0.0 && x < 1.0));
+/// assert!((numbers.iter().sum::<f32>() / 10_000.0 - 0.5).abs() < 0.01);
+/// ```
 #[inline]
 pub fn uniform(rng: &mut impl Rng) -> f32 {
     ((rng.next_u32() >> 9) as f32 + 0.5) * (1.0 / 8_388_608.0)
 }
 
 /// A standard normal number.
+///
+/// ```
+/// use rand_core::SeedableRng;
+/// use rugosa_fractal::synthesis::normal;
+/// let mut rng = rand_xoshiro::Xoshiro128PlusPlus::seed_from_u64(1);
+/// let numbers: Vec<f32> = (0..10_000).map(|_| normal(&mut rng)).collect();
+/// let mean = numbers.iter().sum::<f32>() / 10_000.0;
+/// let square = numbers.iter().map(|x| x * x).sum::<f32>() / 10_000.0;
+/// assert!(mean.abs() < 0.03 && (square - 1.0).abs() < 0.05);
+/// ```
 #[inline]
 pub fn normal(rng: &mut impl Rng) -> f32 {
     loop {

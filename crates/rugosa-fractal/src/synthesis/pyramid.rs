@@ -12,6 +12,22 @@ use rand_core::Rng;
 /// Fills `out` (side² elements, row by row) with a surface \[m\] of zero mean level.
 /// `memory` lends [`Posterior::need`] elements.
 ///
+/// ```
+/// use rand_core::SeedableRng;
+/// use rugosa_fractal::pyramid::{Levels, Posterior};
+/// use rugosa_fractal::synthesis::pyramid;
+/// let prior = Levels::power_law(129, 0.5, 0.2).unwrap(); // 0.2 m over one cell
+/// let mut rng = rand_xoshiro::Xoshiro128PlusPlus::seed_from_u64(2);
+/// # let (mut memory, mut z) = (vec![0.0; Posterior::need(129).unwrap()], vec![0.0; 129 * 129]);
+/// pyramid((129, &prior), &mut rng, &mut memory, &mut z).unwrap();
+/// // mean square of the differences within a row [m²]
+/// let square = |lag: usize| {
+///     let rows = z.chunks(129).flat_map(|row| row.iter().zip(&row[lag..]));
+///     rows.map(|(a, b)| (b - a).powi(2)).sum::<f32>() / (129 * (129 - lag)) as f32
+/// };
+/// assert!((square(1) / 0.04 - 1.0).abs() < 0.05 && (square(4) / 0.16 - 1.0).abs() < 0.1);
+/// ```
+///
 /// # Errors
 /// A side that is not 2^k + 1; too little memory.
 pub fn pyramid(

@@ -30,6 +30,22 @@ use nalgebra::Isometry3;
 use rugosa_grid::math;
 
 /// How the beams leave the scanner.
+///
+/// ```
+/// use rugosa_terrain::{Beams, Geometry, PerceptronConstants, Raster, Trig};
+/// let raster = Raster { azimuth: [0.5, 0.0], inclination: [-0.3, 0.0] }; // rad
+/// let (mut columns, mut lines) = ([Trig::ZERO; 1], [Default::default(); 1]);
+/// let beams = Beams::new(Geometry::Spherical, raster, &mut columns, &mut lines);
+/// let [x, y, z] = beams.point(0, 0, 2.0).unwrap();
+/// // to the left and downward, at the range itself
+/// assert!(x > 0.0 && (y - 2.0 * 0.3f32.cos() * 0.5f32.sin()).abs() < 1e-6);
+/// assert!((z + 2.0 * 0.3f32.sin()).abs() < 1e-6);
+/// let mirrors = Geometry::Perceptron(PerceptronConstants::PUBLISHED);
+/// let beams = Beams::new(mirrors, raster, &mut columns, &mut lines);
+/// let [x, y, z] = beams.point(0, 0, 2.0).unwrap();
+/// // its ranges count from the standoff of 1.68 m, and from a point that moves
+/// assert!(((x * x + y * y + z * z).sqrt() - 3.68).abs() < 0.1);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Geometry {
     /// all beams come from the origin; range, azimuth and inclination are spherical
@@ -62,6 +78,12 @@ impl Trig {
     pub const ZERO: Trig = Trig { sin: 0.0, cos: 1.0 };
 
     /// Of an angle in radians.
+    ///
+    /// ```
+    /// use rugosa_terrain::Trig;
+    /// let trig = Trig::of(core::f32::consts::FRAC_PI_6);
+    /// assert!((trig.sin - 0.5).abs() < 1e-6 && (trig.cos - 0.75f32.sqrt()).abs() < 1e-6);
+    /// ```
     pub fn of(angle: f32) -> Self {
         Trig {
             sin: math::sin(angle),
@@ -103,6 +125,21 @@ impl Default for LineTrig {
 }
 
 /// The beams of a scanner: geometry and tables.
+///
+/// ```
+/// use nalgebra::Isometry3;
+/// use rugosa_terrain::{Beams, Geometry, Raster, Trig};
+/// // 360 columns all around, from the front to the left; two lines 0.1 and 0.2 rad down
+/// let step = core::f32::consts::TAU / 360.0;
+/// let raster = Raster { azimuth: [0.0, step], inclination: [-0.1, -0.1] };
+/// let (mut columns, mut lines) = ([Trig::ZERO; 360], [Default::default(); 2]);
+/// let beams = Beams::new(Geometry::Spherical, raster, &mut columns, &mut lines);
+/// // the sensor stands at (5, 0, 2) in the map; line 1, to the left, 10 m far
+/// let rays = beams.rays(1, &Isometry3::translation(5.0, 0.0, 2.0)).unwrap();
+/// let [x, y, z] = rays.ray(90, 10.0).unwrap().point();
+/// assert!((x - 5.0).abs() < 1e-5 && (y - 10.0 * 0.2f32.cos()).abs() < 1e-5);
+/// assert!((z - (2.0 - 10.0 * 0.2f32.sin())).abs() < 1e-5);
+/// ```
 #[derive(Debug)]
 pub struct Beams<'m> {
     geometry: Geometry,
@@ -140,6 +177,18 @@ impl<'m> Beams<'m> {
 
     /// Takes over another scanner with a regular raster of `size` = columns and lines;
     /// `false`, and nothing changed, where the tables are too short.
+    ///
+    /// ```
+    /// use rugosa_terrain::{Beams, Geometry, Raster, Trig};
+    /// let (mut columns, mut lines) = ([Trig::ZERO; 64], [Default::default(); 16]);
+    /// let mut beams = Beams::unknown(&mut columns, &mut lines);
+    /// assert_eq!(beams.point(0, 0, 1.0), None);
+    /// let raster = Raster { azimuth: [0.0, 0.01], inclination: [0.0, 0.01] };
+    /// assert!(beams.describe(Geometry::Spherical, raster, [32, 8]));
+    /// assert_eq!(beams.point(0, 0, 1.0), Some([1.0, 0.0, 0.0]));
+    /// assert!(!beams.describe(Geometry::Spherical, raster, [65, 8]));
+    /// assert_eq!((beams.columns(), beams.lines()), (32, 8));
+    /// ```
     pub fn describe(&mut self, geometry: Geometry, raster: Raster, size: [usize; 2]) -> bool {
         if size[0] > self.columns.len() || size[1] > self.lines.len() {
             return false;
@@ -193,6 +242,18 @@ impl<'m> Beams<'m> {
 
     /// Sets the angle \[rad\] that a line adds to every azimuth (0 at first); `false`
     /// where there is no such line.
+    ///
+    /// ```
+    /// use rugosa_terrain::{Beams, Geometry, Raster, Trig};
+    /// let raster = Raster { azimuth: [0.1, 0.0], inclination: [0.0, 0.0] };
+    /// let (mut columns, mut lines) = ([Trig::ZERO; 1], [Default::default(); 2]);
+    /// let mut beams = Beams::new(Geometry::Spherical, raster, &mut columns, &mut lines);
+    /// assert!(beams.set_azimuth_offset(1, -0.3) && beams.set_inclination(1, 0.2));
+    /// let left = |line| beams.point(line, 0, 1.0).unwrap()[1];
+    /// assert!((left(0) - 0.1f32.sin()).abs() < 1e-6);
+    /// assert!((left(1) + 0.2f32.sin() * 0.2f32.cos()).abs() < 1e-6); // 0.1 − 0.3 rad
+    /// assert!(!beams.set_azimuth_offset(2, 0.0)); // no such line
+    /// ```
     pub fn set_azimuth_offset(&mut self, line: usize, offset: f32) -> bool {
         let entry = self.lines[..self.size[1]].get_mut(line);
         entry

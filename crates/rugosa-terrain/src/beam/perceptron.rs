@@ -25,6 +25,18 @@ use super::{LineTrig, Trig};
 use rugosa_grid::math;
 
 /// Constants of one unit.
+///
+/// ```
+/// use rugosa_terrain::{Beams, Geometry, PerceptronConstants, Raster, Trig};
+/// let unit = PerceptronConstants::PUBLISHED;
+/// let raster = Raster { azimuth: [0.0, 0.1], inclination: [0.0, 0.1] };
+/// let (mut columns, mut lines) = ([Trig::ZERO; 2], [Default::default(); 2]);
+/// let beams = Beams::new(Geometry::Perceptron(unit), raster, &mut columns, &mut lines);
+/// // straight ahead a count of 1000 lies 1830.3 counts away
+/// let metres = |counts: f32| counts * PerceptronConstants::METRES_PER_COUNT;
+/// let [x, y, z] = beams.point(0, 0, metres(1000.0)).unwrap();
+/// assert!((x - metres(1830.3)).abs() < 1e-5 && y.abs() < 1e-6 && z.abs() < 1e-6);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PerceptronConstants {
     /// mirror offset h1 \[m\]

@@ -9,6 +9,16 @@ use nalgebra::Isometry3;
 pub(super) type Rows = [[f32; 3]; 3];
 
 /// One beam and how far it went.
+///
+/// ```
+/// use rugosa_terrain::{Noise, Ray};
+/// // straight down from 3 m above the map's origin
+/// let ray = Ray { origin: [0.0, 0.0, 3.0], direction: [0.0, 0.0, -1.0], length: 2.5 };
+/// assert_eq!(ray.point(), [0.0, 0.0, 0.5]);
+/// let point = ray.measured(&Noise::new(0.1, 0.0, 0.0));
+/// assert_eq!((point.position, point.depression), ([0.0, 0.0, 0.5], 1.0));
+/// assert!((point.variance - 0.01).abs() < 1e-6); // m²
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
     /// where it left the scanner \[m\]
@@ -40,6 +50,21 @@ impl Ray {
 }
 
 /// All rays of a line, in the frame of the pose they were made with.
+///
+/// ```
+/// use nalgebra::{Isometry3, Vector3};
+/// use rugosa_terrain::{Beams, Geometry, Raster, Trig};
+/// let raster = Raster { azimuth: [0.0, 0.5], inclination: [0.0, 0.0] };
+/// let (mut columns, mut lines) = ([Trig::ZERO; 3], [Default::default(); 1]);
+/// let beams = Beams::new(Geometry::Spherical, raster, &mut columns, &mut lines);
+/// // the sensor looks north: its front is the map's y
+/// let north = Isometry3::rotation(Vector3::z() * core::f32::consts::FRAC_PI_2);
+/// let rays = beams.rays(0, &north).unwrap();
+/// assert_eq!(rays.len(), 3);
+/// let [x, y, _] = rays.ray(0, 4.0).unwrap().point();
+/// assert!(x.abs() < 1e-5 && (y - 4.0).abs() < 1e-5);
+/// assert!(rays.ray(1, 4.0).unwrap().direction[0] < 0.0 && rays.ray(3, 4.0).is_none());
+/// ```
 #[derive(Debug)]
 pub struct Rays<'b> {
     columns: &'b [Trig],

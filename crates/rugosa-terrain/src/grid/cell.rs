@@ -85,6 +85,20 @@ pub(super) enum Met {
 
 impl GroundCell {
     /// Returns fused since the cell started; saturates at 8191.
+    ///
+    /// ```
+    /// use rugosa_grid::{Cell, Sample, Window};
+    /// use rugosa_terrain::{ElevationGrid, GridConfig, GroundCell, Point};
+    /// let (mut cells, mut samples) = ([GroundCell::EMPTY; 33 * 33], [Sample::UNKNOWN; 33 * 33]);
+    /// let window = Window::new(33, Cell::new(0, 0));
+    /// let mut grid =
+    ///     ElevationGrid::new(GridConfig::new(0.1), window, &mut cells, &mut samples).unwrap();
+    /// let point = Point { position: [0.05, 0.05, 1.0], variance: 1e-4, depression: 1.0 };
+    /// grid.fuse(&point, 1);
+    /// grid.fuse(&point, 1);
+    /// let slot = window.slot(Cell::new(0, 0)).unwrap();
+    /// assert_eq!((cells[slot].count(), cells[slot + 1].count()), (2, 0));
+    /// ```
     pub fn count(&self) -> u16 {
         self.tally & COUNT_MAX
     }

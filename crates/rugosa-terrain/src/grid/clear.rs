@@ -90,6 +90,23 @@ impl ElevationGrid<'_> {
     /// Clears the cells that a beam of this sweep passed below (the ray must be in the
     /// map frame and have a return at its end). Returns how many;
     /// `forget(window, samples, cell, old)` is called for each.
+    ///
+    /// ```
+    /// use rugosa_grid::{Cell, Sample, State, Window};
+    /// use rugosa_terrain::{ElevationGrid, GridConfig, GroundCell, Point, Ray};
+    /// # let (mut cells, mut samples) = ([GroundCell::EMPTY; 1089], [Sample::UNKNOWN; 1089]);
+    /// # let window = Window::around(33, Cell::new(0, 0));
+    /// # let config = GridConfig::new(0.1);
+    /// let mut grid = ElevationGrid::new(config, window, &mut cells, &mut samples).unwrap();
+    /// for (x, z) in [(0.35, 1.5), (0.75, 0.2)] {
+    ///     grid.fuse(&Point { position: [x, 0.05, z], variance: 1e-4, depression: 0.0 }, 1);
+    /// }
+    /// // in the next sweep a level beam at 0.5 m returns from 1.25 m: below the first only
+    /// let ray = Ray { origin: [0.0, 0.05, 0.5], direction: [1.0, 0.0, 0.0], length: 1.25 };
+    /// assert_eq!(grid.see_through(&ray, 2, |_, _, cell, _| assert_eq!(cell.x, 3)), 1);
+    /// assert_eq!(grid.state(Cell::new(3, 0)), State::SeenThrough);
+    /// assert_eq!(grid.state(Cell::new(7, 0)), State::Measured);
+    /// ```
     pub fn see_through(
         &mut self,
         ray: &Ray,

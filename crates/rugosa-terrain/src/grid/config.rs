@@ -15,6 +15,17 @@ pub enum SampleChoice {
 }
 
 /// Parameters of an [`super::ElevationGrid`].
+///
+/// ```
+/// use rugosa_terrain::{GridConfig, GridError, SampleChoice};
+/// let config = GridConfig::new(0.2);
+/// assert_eq!((config.relief, config.clearing_margin), (0.1, 0.2)); // metres
+/// // under vegetation, heights in centimetres
+/// let config = GridConfig { sample: SampleChoice::Lowest, height_step: 0.01, ..config };
+/// assert_eq!(config.validate(), Ok(()));
+/// let never = GridConfig { restart_after: 0, ..config };
+/// assert_eq!(never.validate(), Err(GridError::Parameter("restart_after")));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GridConfig {
     /// cell edge \[m\]

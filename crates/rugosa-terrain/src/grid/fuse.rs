@@ -85,6 +85,15 @@ pub struct Tally {
 
 impl Tally {
     /// Counts one return.
+    ///
+    /// ```
+    /// use rugosa_terrain::{Fused, Tally};
+    /// let mut tally = Tally::default();
+    /// for fused in [Fused::Outside, Fused::Merged, Fused::Merged, Fused::Gated] {
+    ///     tally.add(&fused);
+    /// }
+    /// assert_eq!((tally.outside, tally.gated, tally.used()), (1, 1, 2));
+    /// ```
     #[inline]
     pub fn add(&mut self, fused: &Fused) {
         let counter = match fused {
@@ -178,6 +187,24 @@ pub(super) const ONES: f32 = 12_582_912.0;
 
 impl ElevationGrid<'_> {
     /// Fuses one return of the given sweep.
+    ///
+    /// ```
+    /// use rugosa_grid::{Cell, Sample, Window};
+    /// use rugosa_terrain::{ElevationGrid, Fused, GridConfig, GroundCell, Point};
+    /// # let (mut cells, mut samples) = ([GroundCell::EMPTY; 1089], [Sample::UNKNOWN; 1089]);
+    /// # let window = Window::around(33, Cell::new(0, 0));
+    /// # let config = GridConfig::new(0.1);
+    /// let mut grid = ElevationGrid::new(config, window, &mut cells, &mut samples).unwrap();
+    /// let at = |x, z, variance| Point { position: [x, 0.05, z], variance, depression: 1.0 };
+    /// let cell = Cell::new(0, 0);
+    /// let first = Fused::Sampled { cell, old: Sample::UNKNOWN };
+    /// assert_eq!(grid.fuse(&at(0.05, 1.00, 0.0004), 1), first);
+    /// // twice as sure, so it weighs twice as much
+    /// assert_eq!(grid.fuse(&at(0.05, 1.03, 0.0002), 1), Fused::Merged);
+    /// assert!((grid.ground(cell).unwrap().elevation - 1.02).abs() < 1e-5);
+    /// assert_eq!(grid.fuse(&at(0.05, 9.00, 0.0002), 1), Fused::Gated);
+    /// assert_eq!(grid.fuse(&at(7.0, 1.00, 0.0002), 1), Fused::Outside);
+    /// ```
     #[inline]
     pub fn fuse(&mut self, point: &Point, sweep: u16) -> Fused {
         let placed = self.scale().place(point.position, point.variance);
@@ -186,6 +213,24 @@ impl ElevationGrid<'_> {
 
     /// Fuses points \[m\] of the sensor frame; `replaced(window, samples, cell, old)` is
     /// called for each new sample, whether the old one held a return or not.
+    ///
+    /// ```
+    /// use nalgebra::Isometry3;
+    /// use rugosa_grid::{Cell, Sample, Window};
+    /// use rugosa_terrain::{ElevationGrid, GridConfig, GroundCell, Noise, grid::View};
+    /// # let (mut cells, mut samples) = ([GroundCell::EMPTY; 1089], [Sample::UNKNOWN; 1089]);
+    /// # let window = Window::around(33, Cell::new(0, 0));
+    /// # let config = GridConfig::new(0.1);
+    /// let mut grid = ElevationGrid::new(config, window, &mut cells, &mut samples).unwrap();
+    /// let (above, noise) = (Isometry3::translation(1.0, 0.0, 2.0), Noise::new(0.01, 0.0, 0.0));
+    /// let view = View { map_from_sensor: &above, noise: &noise, sweep: 3 };
+    /// let mut sampled = Vec::new();
+    /// let points = [[-0.95, 0.25, -1.5], [-0.95, 0.25, -1.5], [9.0, 0.0, -2.0]];
+    /// let tally = grid.fuse_points(&points, &view, |_, _, cell, _| sampled.push(cell));
+    /// assert_eq!((tally.sampled, tally.merged, tally.outside), (1, 1, 1));
+    /// assert_eq!(sampled, [Cell::new(0, 2)]);
+    /// assert!((grid.ground(sampled[0]).unwrap().elevation - 0.5).abs() < 1e-5);
+    /// ```
     pub fn fuse_points(
         &mut self,
         points: &[[f32; 3]],

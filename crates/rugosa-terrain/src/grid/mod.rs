@@ -43,6 +43,23 @@ use cell::Gate;
 use rugosa_grid::{Cell, Lattice, Sample, State, Tile, TileBits, Window};
 
 /// The elevation grid; `'m` is the life of the lent planes.
+///
+/// ```
+/// use rugosa_grid::{Cell, Sample, State, Window};
+/// use rugosa_terrain::{ElevationGrid, GridConfig, GroundCell, Point};
+/// # let (mut cells, mut samples) = ([GroundCell::EMPTY; 1089], [Sample::UNKNOWN; 1089]);
+/// # let window = Window::around(33, Cell::new(0, 0));
+/// let config = GridConfig::new(0.1); // cells of 0.1 m, ±1.65 m around the origin
+/// let mut grid = ElevationGrid::new(config, window, &mut cells, &mut samples).unwrap();
+/// let position = [0.32, -0.06, 0.2501];
+/// grid.fuse(&Point { position, variance: 1e-4, depression: 0.7 }, 1);
+/// let cell = Cell::new(3, -1);
+/// assert_eq!([cell, Cell::new(3, 0)].map(|c| grid.state(c)), [State::Measured, State::Unknown]);
+/// assert_eq!(grid.ground(cell).unwrap().elevation, 0.2501);
+/// // the sample keeps its place to 1/128 cell and half a height step
+/// let sample = grid.sample_position(cell).unwrap();
+/// assert!((0..3).all(|i| (sample[i] - position[i]).abs() < 0.001));
+/// ```
 #[derive(Debug)]
 pub struct ElevationGrid<'m> {
     config: GridConfig,
@@ -77,6 +94,19 @@ pub struct Ground {
 
 impl Ground {
     /// Elevation `sigmas` standard deviations up (or down, where negative) \[m\].
+    ///
+    /// ```
+    /// use rugosa_terrain::Ground;
+    /// let ground = Ground {
+    ///     elevation: 1.0,
+    ///     variance: 0.01, // 0.1 m
+    ///     min: 0.9,
+    ///     max: 1.1,
+    ///     count: 5,
+    ///     last_sweep: 1,
+    /// };
+    /// assert!((ground.bound(2.0) - 1.2).abs() < 1e-6 && (ground.bound(-1.0) - 0.9).abs() < 1e-6);
+    /// ```
     pub fn bound(&self, sigmas: f32) -> f32 {
         self.elevation + sigmas * rugosa_grid::math::sqrt(self.variance)
     }
@@ -126,6 +156,21 @@ impl<'m> ElevationGrid<'m> {
 
     /// Takes over the gate, the clearing margin and the like; resolution, height step and
     /// choice of samples stay.
+    ///
+    /// ```
+    /// use rugosa_grid::{Cell, Sample, Window};
+    /// use rugosa_terrain::{ElevationGrid, Fused, GridConfig, GroundCell, Point};
+    /// # let (mut cells, mut samples) = ([GroundCell::EMPTY; 1089], [Sample::UNKNOWN; 1089]);
+    /// # let window = Window::around(33, Cell::new(0, 0));
+    /// # let config = GridConfig::new(0.1);
+    /// let mut grid = ElevationGrid::new(config, window, &mut cells, &mut samples).unwrap();
+    /// let at = |z| Point { position: [0.05, 0.05, z], variance: 1e-4, depression: 1.0 };
+    /// grid.fuse(&at(0.0), 1);
+    /// assert_eq!(grid.fuse(&at(0.3), 1), Fused::Gated);
+    /// grid.configure(GridConfig { gate: 10.0, resolution: 9.0, ..config }).unwrap();
+    /// assert_eq!(grid.fuse(&at(0.3), 1), Fused::Merged);
+    /// assert_eq!(grid.config().resolution, 0.1); // stays
+    /// ```
     pub fn configure(&mut self, config: GridConfig) -> Result<(), GridError> {
         let config = GridConfig {
             resolution: self.config.resolution,

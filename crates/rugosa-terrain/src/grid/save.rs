@@ -33,6 +33,25 @@ pub struct SavedCell {
 
 impl ElevationGrid<'_> {
     /// What the cell holds; the empty one outside the window.
+    ///
+    /// ```
+    /// use rugosa_grid::{Cell, Sample, Window};
+    /// use rugosa_terrain::{ElevationGrid, GridConfig, GroundCell, Point};
+    /// # let (mut cells, mut samples) = ([GroundCell::EMPTY; 1089], [Sample::UNKNOWN; 1089]);
+    /// # let (mut more, mut others) = ([GroundCell::EMPTY; 1089], [Sample::UNKNOWN; 1089]);
+    /// # let window = Window::around(33, Cell::new(0, 0));
+    /// # let config = GridConfig::new(0.1);
+    /// let mut grid = ElevationGrid::new(config, window, &mut cells, &mut samples).unwrap();
+    /// grid.fuse(&Point { position: [0.02, 0.05, 1.0], variance: 1e-4, depression: 1.0 }, 1);
+    /// let cell = Cell::new(0, 0);
+    /// let saved = grid.save(cell);
+    /// assert_eq!((saved.elevation, saved.height), (1.0, 2000)); // metres, steps of 0.5 mm
+    /// let mut other = ElevationGrid::new(config, window, &mut more, &mut others).unwrap();
+    /// assert!(other.restore(cell, &saved, |_, _, _, _| {}));
+    /// assert_eq!(other.ground(cell), grid.ground(cell));
+    /// assert_eq!(other.sample_position(cell), grid.sample_position(cell));
+    /// assert!(!other.restore(Cell::new(99, 0), &saved, |_, _, _, _| {})); // outside
+    /// ```
     pub fn save(&self, cell: Cell) -> SavedCell {
         let Some(slot) = self.window.slot(cell) else {
             return SavedCell::default();

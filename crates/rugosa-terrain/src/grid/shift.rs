@@ -19,6 +19,24 @@ const SLACK: u32 = 1 << 13;
 impl ElevationGrid<'_> {
     /// Moves the window so that `centre` is its middle cell, however far that is.
     /// `forget(window, samples, cell, old)` is called for each measured cell that leaves.
+    ///
+    /// ```
+    /// use rugosa_grid::{Cell, Sample, Window};
+    /// use rugosa_terrain::{ElevationGrid, GridConfig, GroundCell, Point};
+    /// # let (mut cells, mut samples) = ([GroundCell::EMPTY; 1089], [Sample::UNKNOWN; 1089]);
+    /// # let window = Window::around(33, Cell::new(0, 0));
+    /// # let config = GridConfig::new(0.1);
+    /// let mut grid = ElevationGrid::new(config, window, &mut cells, &mut samples).unwrap();
+    /// for x in [-1.55, 0.05] {
+    ///     grid.fuse(&Point { position: [x, 0.05, 0.5], variance: 1e-4, depression: 1.0 }, 1);
+    /// }
+    /// // ten cells to the east: the western return is left behind, the other keeps its address
+    /// let mut left = Vec::new();
+    /// grid.move_to(Cell::new(10, 0), |_, _, cell, _| left.push(cell));
+    /// assert_eq!(left, [Cell::new(-16, 0)]);
+    /// assert_eq!(grid.ground(Cell::new(0, 0)).unwrap().elevation, 0.5);
+    /// assert_eq!(grid.window().centre(), Cell::new(10, 0));
+    /// ```
     pub fn move_to(
         &mut self,
         centre: Cell,
@@ -46,6 +64,21 @@ impl ElevationGrid<'_> {
 
     /// Changes the datum (height steps above the map's zero). Returns how many measured
     /// cells did not fit and were emptied; `forget` is called for each of them.
+    ///
+    /// ```
+    /// use rugosa_grid::{Cell, Sample, Window};
+    /// use rugosa_terrain::{ElevationGrid, Fused, GridConfig, GroundCell, Point};
+    /// # let (mut cells, mut samples) = ([GroundCell::EMPTY; 1089], [Sample::UNKNOWN; 1089]);
+    /// # let window = Window::around(33, Cell::new(0, 0));
+    /// let config = GridConfig { height_step: 0.001, ..GridConfig::new(0.1) };
+    /// let mut grid = ElevationGrid::new(config, window, &mut cells, &mut samples).unwrap();
+    /// let high = Point { position: [0.05, 0.05, 40.0], variance: 1e-4, depression: 1.0 };
+    /// assert_eq!(grid.fuse(&high, 1), Fused::HeightOutOfRange); // 40 000 steps
+    /// assert_eq!(grid.rebase(30_000, |_, _, _, _| {}), 0); // nothing measured, nothing lost
+    /// assert!(matches!(grid.fuse(&high, 1), Fused::Sampled { .. }));
+    /// assert_eq!(grid.sample(Cell::new(0, 0)).height, 10_000); // steps above the datum
+    /// assert_eq!(grid.metres(10_000), 40.0);
+    /// ```
     pub fn rebase(
         &mut self,
         datum: i32,
@@ -72,6 +105,22 @@ impl ElevationGrid<'_> {
 
     /// Rebases to the height `z` \[m\] (of the robot) when the datum has come far from
     /// it: by more than 8192 height steps. Returns what [`ElevationGrid::rebase`] does.
+    ///
+    /// ```
+    /// use rugosa_grid::{Cell, Sample, Window};
+    /// use rugosa_terrain::{ElevationGrid, GridConfig, GroundCell, Point};
+    /// # let (mut cells, mut samples) = ([GroundCell::EMPTY; 1089], [Sample::UNKNOWN; 1089]);
+    /// # let window = Window::around(33, Cell::new(0, 0));
+    /// let config = GridConfig { height_step: 0.001, ..GridConfig::new(0.1) };
+    /// let mut grid = ElevationGrid::new(config, window, &mut cells, &mut samples).unwrap();
+    /// grid.fuse(&Point { position: [0.05, 0.05, 2.0], variance: 1e-4, depression: 1.0 }, 1);
+    /// grid.follow_height(5.0, |_, _, _, _| {});
+    /// assert_eq!(grid.datum(), 0); // near enough: within 8.192 m
+    /// assert_eq!(grid.follow_height(20.0, |_, _, _, _| {}), 0);
+    /// assert_eq!(grid.datum(), 20_000);
+    /// // the ground is where it was
+    /// assert_eq!(grid.sample_position(Cell::new(0, 0)).unwrap()[2], 2.0);
+    /// ```
     pub fn follow_height(
         &mut self,
         z: f32,

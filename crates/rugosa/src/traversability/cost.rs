@@ -87,6 +87,11 @@ pub fn nav2(cost: Option<f32>) -> u8 {
 }
 
 /// OccupancyGrid: 0 free … 100 impassable, −1 unknown.
+///
+/// ```
+/// use rugosa::traversability::occupancy;
+/// assert_eq!([Some(0.0), Some(0.25), Some(1.0), None].map(occupancy), [0, 25, 100, -1]);
+/// ```
 pub fn occupancy(cost: Option<f32>) -> i8 {
     cost.map_or(-1, |cost| {
         math::round_index(cost * 100.0).clamp(0, 100) as i8
@@ -94,6 +99,12 @@ pub fn occupancy(cost: Option<f32>) -> i8 {
 }
 
 /// grid_map traversability: 1 good … 0 impassable, NaN unknown.
+///
+/// ```
+/// use rugosa::traversability::grid_map;
+/// assert_eq!([Some(0.0), Some(0.25), Some(1.0)].map(grid_map), [1.0, 0.75, 0.0]);
+/// assert!(grid_map(None).is_nan());
+/// ```
 pub fn grid_map(cost: Option<f32>) -> f32 {
     cost.map_or(f32::NAN, |cost| 1.0 - cost)
 }

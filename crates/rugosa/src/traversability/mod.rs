@@ -136,6 +136,14 @@ impl Limits {
     }
 
     /// The first limit that cannot be used.
+    ///
+    /// ```
+    /// use rugosa::traversability::{LimitError, Limits, Pair};
+    /// let mut limits = Limits::default();
+    /// assert_eq!(limits.check(), Ok(()));
+    /// limits.dimension = Pair { safe: 2.9, critical: 2.5 };
+    /// assert_eq!(limits.check(), Err(LimitError("dimension")));
+    /// ```
     pub fn check(&self) -> Result<(), LimitError> {
         let sound = |pair: &Pair| {
             pair.safe >= 0.0 && pair.critical > pair.safe && pair.critical.is_finite()

@@ -9,6 +9,32 @@ use crate::Mapper;
 use rugosa_grid::{Cell, math};
 
 /// The outline of the robot on the ground.
+///
+/// ```
+/// # use nalgebra::Isometry3;
+/// use rugosa::traversability::{Criterion, Footprint};
+/// # use rugosa::traversability::Pair;
+/// # use rugosa::{Config, Mapper, Planes65};
+/// # use rugosa_terrain::{Noise, grid::View};
+/// # let mut planes = Box::new(Planes65::new());
+/// # let mut config = Config::default();
+/// # config.limits.roughness = Pair { safe: 5.0, critical: 9.0 }; // geometry only
+/// # let mut mapper = Mapper::new(config, planes.lend()).unwrap();
+/// # let (above, noise) = (Isometry3::translation(0.0, 0.0, 9.0), Noise::new(0.005, 0.0, 0.0));
+/// # let view = View { map_from_sensor: &above, noise: &noise, sweep: 0 };
+/// # let cells = mapper.window().cells().map(|cell| mapper.lattice().centre(cell));
+/// # let wall = |y: f32| if (y - 1.0).abs() < 0.1 { 0.5 } else { 0.0 };
+/// # let points: Vec<_> = cells.map(|(x, y)| [x, y, wall(y) - 9.0]).collect();
+/// # mapper.points(&points, &view);
+/// # mapper.commit(&mut |_| {});
+/// // 0.8 m to the front and 0.2 m to each other side of the origin, by a wall at y = 1 m
+/// let robot = Footprint::Polygon(&[[0.8, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.8, -0.2]]);
+/// let at = |yaw: f32| mapper.footprint(&robot, [0.0, 0.3, yaw]);
+/// let to_the_left = at(std::f32::consts::FRAC_PI_2);
+/// assert_eq!((to_the_left.cost, to_the_left.reason), (Some(1.0), Criterion::Step));
+/// assert!(at(-std::f32::consts::FRAC_PI_2).cost.unwrap() < 1.0);
+/// assert!((35..=50).contains(&to_the_left.cells)); // 1 m × 0.4 m in cells of 0.1 m
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Footprint<'a> {
     /// a circle of this radius \[m\]
@@ -121,6 +147,31 @@ impl Mapper<'_> {
     }
 
     /// The costs of a footprint along a path of poses, one by one.
+    ///
+    /// ```
+    /// # use nalgebra::Isometry3;
+    /// use rugosa::traversability::Footprint;
+    /// # use rugosa::traversability::Pair;
+    /// # use rugosa::{Config, Mapper, Planes65};
+    /// # use rugosa_terrain::{Noise, grid::View};
+    /// # let mut planes = Box::new(Planes65::new());
+    /// # let mut config = Config::default();
+    /// # config.limits.roughness = Pair { safe: 5.0, critical: 9.0 }; // geometry only
+    /// # let mut mapper = Mapper::new(config, planes.lend()).unwrap();
+    /// # let (above, noise) = (Isometry3::translation(0.0, 0.0, 9.0), Noise::new(0.005, 0.0, 0.0));
+    /// # let view = View { map_from_sensor: &above, noise: &noise, sweep: 0 };
+    /// # let cells = mapper.window().cells().map(|cell| mapper.lattice().centre(cell));
+    /// # let wall = |x: f32| if (x - 1.0).abs() < 0.1 { 0.5 } else { 0.0 };
+    /// # let points: Vec<_> = cells.map(|(x, y)| [x, y, wall(x) - 9.0]).collect();
+    /// # mapper.points(&points, &view);
+    /// # mapper.commit(&mut |_| {});
+    /// // towards a wall at x = 1 m
+    /// let poses = [-1.0, 0.0, 1.0].map(|x| [x, 0.0, 0.0]);
+    /// let blocked = mapper
+    ///     .path(&Footprint::Circle(0.2), &poses)
+    ///     .position(|stand| stand.cost == Some(1.0));
+    /// assert_eq!(blocked, Some(2));
+    /// ```
     pub fn path<'p>(
         &'p self,
         footprint: &'p Footprint,

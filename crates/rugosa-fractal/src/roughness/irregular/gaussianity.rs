@@ -46,6 +46,19 @@ impl ChiSquare {
 
 /// χ² of the differences of disjoint pairs of points at distances in [low, high) \[m\];
 /// `None` with fewer than five pairs per class. Cost: all pairs, N².
+///
+/// ```
+/// use rand_core::SeedableRng;
+/// use rugosa_fractal::roughness::irregular::gaussianity::chi_square;
+/// let mut rng = rand_xoshiro::Xoshiro128PlusPlus::seed_from_u64(1);
+/// let mut normal = || f64::from(rugosa_fractal::synthesis::normal(&mut rng));
+/// // independent Gaussian heights, 1 m apart on a line
+/// let points: Vec<_> = (0..1000).map(|i| [f64::from(i), 0.0, normal()]).collect();
+/// let test = chi_square(&points, 0.5, 1.5).unwrap();
+/// assert_eq!(test.pairs, 500); // disjoint: each point in one pair
+/// assert!(test.is_gaussian());
+/// assert!(chi_square(&points, 0.1, 0.9).is_none()); // no pair at such a distance
+/// ```
 pub fn chi_square(points: &[[f64; 3]], low: f64, high: f64) -> Option<ChiSquare> {
     let differences = disjoint_differences(
         points,
@@ -59,6 +72,15 @@ pub fn chi_square(points: &[[f64; 3]], low: f64, high: f64) -> Option<ChiSquare>
 }
 
 /// χ² of independent zero-mean differences.
+///
+/// ```
+/// use rugosa_fractal::roughness::irregular::gaussianity::of_differences;
+/// // evenly from −1 to 1 m: the tails of a Gaussian are missing
+/// let even: Vec<f64> = (0..1000).map(|i| (f64::from(i) - 499.5) / 500.0).collect();
+/// let test = of_differences(&even).unwrap();
+/// assert!(test.pairs == 1000 && !test.is_gaussian());
+/// assert_eq!(of_differences(&even[..50]), None); // too few
+/// ```
 pub fn of_differences(differences: &[f64]) -> Option<ChiSquare> {
     let count = differences.len();
     if count < 5 * CLASSES {

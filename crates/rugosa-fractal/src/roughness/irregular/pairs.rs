@@ -18,6 +18,14 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 /// Annuli of equal width.
+///
+/// ```
+/// use rugosa_fractal::roughness::irregular::pairs::Bins;
+/// let bins = Bins { low: 1.5, width: 1.0, count: 29 }; // metres
+/// assert_eq!((bins.centre(0), bins.high()), (2.0, 30.5));
+/// // half-open annuli
+/// assert_eq!([1.4, 1.5, 2.5, 30.5].map(|d| bins.of(d)), [None, Some(0), Some(1), None]);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bins {
     /// inner radius of the first \[m\]
@@ -81,6 +89,12 @@ impl Sums {
 }
 
 /// Area of the points' bounding box \[m²\]; a line of points has the square of its length.
+///
+/// ```
+/// use rugosa_fractal::roughness::irregular::pairs::area;
+/// assert_eq!(area(&[[0.0, 1.0, 9.0], [3.0, -1.0, 0.0]]), 6.0); // m²
+/// assert_eq!(area(&[[0.0, 0.0, 0.0], [0.0, 5.0, 1.0]]), 25.0); // a line
+/// ```
 pub fn area(points: &[[f64; 3]]) -> f64 {
     let [w, h] = [0, 1].map(|axis| {
         let (low, high) = extent(points, axis);
@@ -102,6 +116,17 @@ fn extent(points: &[[f64; 3]], axis: usize) -> (f64, f64) {
 }
 
 /// The sums of all annuli.
+///
+/// ```
+/// use rugosa_fractal::roughness::irregular::pairs::{Bins, sums};
+/// // 5 m and 10 m from the first to the others, 0.5 m up and 0.25 m down
+/// let points = [[0.0, 0.0, 0.0], [3.0, 4.0, 0.5], [0.0, -10.0, -0.25]];
+/// let [at_5, at_10] = sums(&points, &Bins { low: 2.5, width: 5.0, count: 2 })[..] else {
+///     panic!("two bins");
+/// };
+/// assert_eq!((at_5.pairs, at_5.absolute, at_5.square), (1.0, 0.5, 0.25));
+/// assert!((at_5.distance - 25.0).abs() < 1e-4 && at_10.pairs == 1.0); // m²
+/// ```
 pub fn sums(points: &[[f64; 3]], bins: &Bins) -> Vec<Sums> {
     if points.len() < 2 || bins.count == 0 {
         return vec![Sums::default(); bins.count];

@@ -51,6 +51,18 @@ pub struct Observation {
 
 impl Observation {
     /// The moments of an annulus.
+    ///
+    /// ```
+    /// use rugosa_fractal::roughness::Method;
+    /// use rugosa_fractal::roughness::irregular::{pairs::Sums, power_law::Observation};
+    /// // four pairs at 2 m with |Δz| = 0.3 m
+    /// let sums = Sums { pairs: 4.0, absolute: 1.2, square: 0.36, distance: 16.0, quartic: 64.0 };
+    /// let observation = Observation::new(&sums, Method::Pentland);
+    /// assert_eq!((observation.distance, observation.spread), (2.0, 0.0));
+    /// assert!((observation.raw - 0.09).abs() < 1e-12); // m²
+    /// let first = Observation::new(&sums, Method::Yokoya).raw;
+    /// assert!((first / observation.raw - core::f64::consts::FRAC_PI_2).abs() < 1e-12);
+    /// ```
     pub fn new(sums: &Sums, method: Method) -> Self {
         let square = sums.distance / sums.pairs;
         let mean = sums.absolute / sums.pairs;
@@ -110,6 +122,24 @@ const STARTS: [f64; 3] = [0.0, 0.5, 0.9];
 
 impl Fit {
     /// The best fit to the bins of a region; at least three bins.
+    ///
+    /// ```
+    /// use rugosa_fractal::roughness::{Method, Reason, irregular::Noise};
+    /// use rugosa_fractal::roughness::irregular::pairs::Sums;
+    /// use rugosa_fractal::roughness::irregular::power_law::{Fit, Observation, Region};
+    /// // σ = 0.1 m at 1 m, hurst 0.6, and a sensor noise of 0.05 m in both heights of a pair
+    /// let bin = |d: f64| {
+    ///     let (pairs, raw) = (1e6, 0.01 * d.powf(1.2) + 2.0 * 0.05f64.powi(2));
+    ///     let (square, distance, quartic) = (pairs * raw, pairs * d * d, pairs * d.powi(4));
+    ///     let sums = Sums { pairs, absolute: 0.0, square, distance, quartic };
+    ///     Observation::new(&sums, Method::Pentland)
+    /// };
+    /// let bins: Vec<_> = (1..=10).map(|d| bin(f64::from(d))).collect();
+    /// let region = Region { side: 100.0, points: 10_000 };
+    /// let fit = Fit::new(&bins, &region, Noise::Known(0.05)).unwrap();
+    /// assert!((fit.hurst - 0.6).abs() < 1e-3 && ((0.5 * fit.level).exp() - 0.1).abs() < 1e-3);
+    /// assert_eq!(Fit::new(&bins[..2], &region, Noise::Known(0.05)), Err(Reason::TooFewPairs));
+    /// ```
     pub fn new(bins: &[Observation], region: &Region, noise: Noise) -> Result<Self, Reason> {
         if bins.len() < 3 {
             return Err(Reason::TooFewPairs);

@@ -28,6 +28,23 @@ pub const MOST_OFFSETS: usize = 48;
 
 /// Structure function and power law of a raster. Default lags: from the finer spacing to a
 /// tenth of the side.
+///
+/// ```
+/// use rugosa_fractal::roughness::irregular::{Noise, Options, Raster, estimate_raster};
+/// # use rand_core::SeedableRng;
+/// # use rugosa_fractal::pyramid::{Levels, Posterior};
+/// # let mut rng = rand_xoshiro::Xoshiro128PlusPlus::seed_from_u64(1);
+/// # let (mut memory, mut z) = (vec![0.0; Posterior::need(129).unwrap()], vec![0.0; 129 * 129]);
+/// # let prior = Levels::power_law(129, 0.5, 0.3).unwrap();
+/// # rugosa_fractal::synthesis::pyramid((129, &prior), &mut rng, &mut memory, &mut z).unwrap();
+/// // 129 × 129 heights z of dimension 2.5, nodes 2 m apart, a tenth of them unknown
+/// z.iter_mut().step_by(10).for_each(|z| *z = f32::NAN);
+/// let raster = Raster { values: &z, columns: 129, spacing: [2.0, 2.0] };
+/// let options = Options { noise: Noise::Known(0.0), ..Options::default() };
+/// let law = estimate_raster(&raster, &options).law.unwrap();
+/// assert!((law.dimension - 2.5).abs() < 0.1);
+/// assert!((law.sigma - 0.3 / 2f64.sqrt()).abs() < 0.03); // 0.3 m at 2 m
+/// ```
 pub fn estimate_raster(raster: &Raster, options: &Options) -> Estimate {
     let rows = raster.values.len() / raster.columns.max(1);
     let side =
@@ -42,6 +59,15 @@ pub fn estimate_raster(raster: &Raster, options: &Options) -> Estimate {
 }
 
 /// The sums of all annuli.
+///
+/// ```
+/// use rugosa_fractal::roughness::irregular::{Raster, pairs::Bins, raster::sums};
+/// // two rows, columns 1 m apart, rows 3 m apart; one step of 0.5 m to the right
+/// let values = [0.0, 0.5, 0.5, 0.0, 0.5, f32::NAN];
+/// let raster = Raster { values: &values, columns: 3, spacing: [1.0, 3.0] };
+/// let near = sums(&raster, &Bins { low: 0.5, width: 1.0, count: 1 })[0];
+/// assert_eq!((near.pairs, near.absolute, near.distance), (3.0, 1.0, 3.0));
+/// ```
 pub fn sums(raster: &Raster, bins: &Bins) -> Vec<Sums> {
     let offsets = offsets(raster, bins);
     let sum = |offsets: &Vec<(isize, usize)>| {

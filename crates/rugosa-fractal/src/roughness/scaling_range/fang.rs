@@ -22,6 +22,14 @@ pub struct Fang {
 }
 
 /// Fang's range of a curve of at least two points.
+///
+/// ```
+/// use rugosa_fractal::roughness::scaling_range::fang;
+/// // a line of eight points that ends in a level one
+/// let x: Vec<f64> = (0..16).map(f64::from).collect();
+/// let y: Vec<f64> = x.iter().map(|&x| 0.6 * x.min(7.0)).collect();
+/// assert_eq!(fang(&x, &y, true).by_order[0], 8);
+/// ```
 pub fn fang(x: &[f64], y: &[f64], guarded: bool) -> Fang {
     let by_order = [1, 2, 3].map(|order| best(x, y, order, guarded));
     Fang {

@@ -123,6 +123,18 @@ pub enum NoRange {
 
 /// The scaling range of the points (x, y), x ascending; points beyond [`MOST_LAGS`] are not
 /// looked at.
+///
+/// ```
+/// use rugosa_fractal::roughness::scaling_range::{Method, NoRange, scaling_range};
+/// // σ(d) = 0.2 m · d^0.6 up to 8 m, level beyond
+/// let x: Vec<f64> = (1..=16).map(|d| f64::from(d).ln()).collect();
+/// let y: Vec<f64> = x.iter().map(|&x| 0.2f64.ln() + 0.6 * x.min(8f64.ln())).collect();
+/// let range = scaling_range(&x, &y, Method::default()).unwrap();
+/// assert_eq!((range.first, range.last, range.points()), (0, 7, 8));
+/// assert!((range.slope - 0.6).abs() < 1e-6 && (range.intercept.exp() - 0.2).abs() < 1e-6);
+/// let flat = scaling_range(&x[8..], &y[8..], Method::Whole);
+/// assert!(matches!(flat, Err(NoRange::Slope(_))));
+/// ```
 pub fn scaling_range(x: &[f64], y: &[f64], method: Method) -> Result<ScalingRange, NoRange> {
     let count = x.len().min(y.len()).min(MOST_LAGS);
     if count < LEAST_POINTS {

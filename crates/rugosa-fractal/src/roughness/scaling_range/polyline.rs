@@ -45,6 +45,17 @@ impl Segments {
 }
 
 /// Splits a curve of 2 … [`MOST_LAGS`] points into segments inside strips of this half width.
+///
+/// ```
+/// use rugosa_fractal::roughness::scaling_range::polyline;
+/// // slope 0.6 on the points 0 … 7, 0.1 beyond
+/// let x: Vec<f64> = (0..16).map(f64::from).collect();
+/// let y: Vec<f64> = x.iter().map(|&x| 0.6 * x.min(7.0) + 0.1 * (x - 7.0).max(0.0)).collect();
+/// let segments = polyline(&x, &y, 0.01);
+/// assert_eq!(segments.ends(), [(0, 7), (7, 15)]);
+/// let slopes: Vec<f64> = segments.lines(&x, &y).map(|line| line.slope).collect();
+/// assert!((slopes[0] - 0.6).abs() < 1e-9 && (slopes[1] - 0.1).abs() < 1e-9);
+/// ```
 pub fn polyline(x: &[f64], y: &[f64], half_width: f64) -> Segments {
     let mut segments = Segments {
         ends: [(0, 0); MOST_LAGS],

@@ -44,6 +44,19 @@ pub struct Robust {
 }
 
 /// The robust range of a curve of at least two points.
+///
+/// ```
+/// use rugosa_fractal::roughness::scaling_range::robust;
+/// let x: Vec<f64> = (0..16).map(f64::from).collect();
+/// let broken: Vec<f64> = x.iter().map(|&x| 0.6 * x.min(7.0)).collect();
+/// let found = robust(&x, &broken, 0.02);
+/// assert_eq!((found.points, found.degree), (8, 1)); // then a line of another slope
+/// // a line that zigzags by 0.1 is still one line
+/// let zigzag = |x: f64| 0.6 * x + 0.1 * (std::f64::consts::PI * x).cos();
+/// let line: Vec<f64> = x.iter().copied().map(zigzag).collect();
+/// let found = robust(&x, &line, 0.02);
+/// assert_eq!((found.points, found.degree), (16, 0));
+/// ```
 pub fn robust(x: &[f64], y: &[f64], tolerance: f64) -> Robust {
     let n = x.len();
     let bic = |rss: f64, parameters: f64| {

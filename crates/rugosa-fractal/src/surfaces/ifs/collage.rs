@@ -24,6 +24,17 @@ struct Triple {
 }
 
 /// Fits control heights (copied) and weights to `data`, (3^p + 1)² samples.
+///
+/// ```
+/// use rugosa_fractal::surfaces::ifs::{Ifs, Variant, collage};
+/// // a surface of the model itself, 28 × 28 samples
+/// let heights = core::array::from_fn(|i| (i * i % 11) as f64);
+/// let mut parameters = Ifs::bilinear(Variant::Tied, &heights).parameters().to_vec();
+/// parameters[16..].iter_mut().for_each(|weight| *weight *= 0.8);
+/// let data = Ifs::from_parameters(Variant::Tied, parameters).unwrap().tabulate(3);
+/// let found = collage(&data, 3, Variant::Tied).tabulate(3);
+/// assert!(data.iter().zip(found).all(|(z, found)| (z - found).abs() < 1e-3));
+/// ```
 pub fn collage(data: &[f64], depth: u32, variant: Variant) -> Ifs {
     let levels: Vec<Vec<f64>> = (1..=depth).map(|k| decimated(data, depth, k)).collect();
     let heights = core::array::from_fn(|i| levels[0][i]);

@@ -33,6 +33,11 @@ pub enum Verdict {
 
 impl Verdict {
     /// "proved", "not disproved" or "diverges".
+    ///
+    /// ```
+    /// use rugosa_fractal::surfaces::ifs::Verdict;
+    /// assert_eq!(Verdict::NotDisproved.as_str(), "not disproved");
+    /// ```
     pub fn as_str(self) -> &'static str {
         match self {
             Verdict::Proved => "proved",
@@ -54,6 +59,20 @@ pub struct Contractivity {
 }
 
 /// Examines a surface.
+///
+/// ```
+/// use rugosa_fractal::surfaces::ifs::{Ifs, Variant, Verdict, contractivity};
+/// let bilinear = Ifs::bilinear(Variant::Tied, &[0.0; 16]);
+/// let tame = contractivity(&bilinear);
+/// // one subdivision may keep two heights apart, two bring all of them together
+/// assert!((tame.tau[0] - 1.0).abs() < 1e-9 && tame.tau[1] < 0.9);
+/// assert_eq!(tame.verdict, Verdict::Proved);
+/// // weights three times as large let every subdivision grow
+/// let mut parameters = bilinear.parameters().to_vec();
+/// parameters[16..].iter_mut().for_each(|weight| *weight *= 3.0);
+/// let wild = contractivity(&Ifs::from_parameters(Variant::Tied, parameters).unwrap());
+/// assert!(wild.verdict == Verdict::Diverges && wild.radius > 1.0);
+/// ```
 pub fn contractivity(ifs: &Ifs) -> Contractivity {
     let maps = maps(ifs);
     let pairs = products(&maps, &maps);

@@ -84,6 +84,20 @@ pub struct Fit {
 /// Fits `data`, row by row. `fixed` are parameters that must keep the value they have in the
 /// given surface (for patches that join others); `progress` hears of every iteration.
 ///
+/// ```
+/// use rugosa_fractal::surfaces::ifs::{Options, Start, fit};
+/// // 28 × 28 samples of a ripple
+/// let data: Vec<f64> = (0..28 * 28)
+///     .map(|i| (0.4 * (i % 28) as f64).sin() * (0.3 * (i / 28) as f64).cos())
+///     .collect();
+/// let options = Options { iterations: 3, start: Start::Bilinear, ..Options::default() };
+/// let mut heard = 0;
+/// let fit = fit(&data, &options, &[], &mut |_| heard += 1).unwrap();
+/// assert_eq!((fit.depth, heard), (3, fit.psnr.len()));
+/// assert!(fit.psnr[fit.psnr.len() - 1] > fit.psnr[0] + 10.0); // dB
+/// assert_eq!(fit.ifs.tabulate(3).len(), data.len());
+/// ```
+///
 /// # Errors
 /// A side that is not 3^p + 1 with p ≥ 3, non-finite data.
 pub fn fit(

@@ -56,6 +56,11 @@ pub enum Variant {
 impl Variant {
     /// Number of parameters: 16 heights, then the weights of row lines, column lines and
     /// cells.
+    ///
+    /// ```
+    /// use rugosa_fractal::surfaces::ifs::Variant;
+    /// assert_eq!((Variant::Tied.parameters(), Variant::Mirrored.parameters()), (232, 268));
+    /// ```
     pub const fn parameters(self) -> usize {
         16 + 2 * 18 * self.lines() + 108
     }
@@ -72,6 +77,23 @@ impl Variant {
 ///
 /// Parameter order: z\[4\]\[4\], R\[line\]\[edge\]\[k\]\[3\], C\[line\]\[edge\]\[k\]\[3\],
 /// I\[a\]\[b\]\[k\]\[l\]\[3\]; the weight of the first point is 1 − Σ.
+///
+/// ```
+/// use rugosa_fractal::surfaces::ifs::{Ifs, Variant};
+/// let heights: [f64; 16] = core::array::from_fn(|i| (i * i % 11) as f64);
+/// let mut ifs = Ifs::bilinear(Variant::Tied, &heights);
+/// // 10 × 10 heights: every third is a control height, linear between
+/// let table = ifs.tabulate(2);
+/// assert_eq!((table[0], table[3], table[3 * 10]), (heights[0], heights[1], heights[4]));
+/// assert!((table[1] - (2.0 * heights[0] + heights[1]) / 3.0).abs() < 1e-12);
+/// // other weights, the same control heights
+/// let mut parameters = ifs.parameters().to_vec();
+/// parameters[16..].iter_mut().for_each(|weight| *weight *= 0.8);
+/// ifs = Ifs::from_parameters(Variant::Tied, parameters).unwrap();
+/// assert_eq!(ifs.tabulate(2)[3], heights[1]);
+/// assert_ne!(ifs.tabulate(2)[1], table[1]);
+/// assert!(Ifs::from_parameters(Variant::Tied, vec![0.0; 99]).is_none());
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ifs {
     variant: Variant,
@@ -111,6 +133,14 @@ impl Ifs {
     }
 
     /// Heights α z + β with the same weights: the surface changes in the same way.
+    ///
+    /// ```
+    /// use rugosa_fractal::surfaces::ifs::{Ifs, Variant};
+    /// let heights: [f64; 16] = core::array::from_fn(|i| (i * i % 11) as f64);
+    /// let ifs = Ifs::bilinear(Variant::Tied, &heights);
+    /// let (one, other) = (ifs.tabulate(3), ifs.scaled(-2.0, 5.0).tabulate(3));
+    /// assert!(one.iter().zip(other).all(|(z, scaled)| (5.0 - 2.0 * z - scaled).abs() < 1e-9));
+    /// ```
     pub fn scaled(&self, alpha: f64, beta: f64) -> Ifs {
         let mut scaled = self.clone();
         scaled.parameters[..16]

@@ -33,6 +33,20 @@ const HEADER: usize = 16;
 const MOST_PATCHES: usize = 1 << 16;
 
 /// A rectangle of patches.
+///
+/// ```
+/// use rugosa_fractal::surfaces::ifs::{FileError, Ifs, Mosaic, Variant};
+/// let ifs = Ifs::bilinear(Variant::Tied, &core::array::from_fn(|i| (i * i % 11) as f64));
+/// let bytes = Mosaic::single(ifs.clone(), 3).to_bytes();
+/// assert_eq!(bytes.len(), 948);
+/// let read = Mosaic::from_bytes(&bytes).unwrap();
+/// // parameters are kept as f32
+/// let (table, _) = read.tabulate(2);
+/// assert!(table.iter().zip(ifs.tabulate(2)).all(|(a, b)| (a - b).abs() < 1e-5));
+/// let mut damaged = bytes;
+/// damaged[100] ^= 1;
+/// assert_eq!(Mosaic::from_bytes(&damaged), Err(FileError::Checksum));
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mosaic {
     rows: usize,
@@ -42,6 +56,16 @@ pub struct Mosaic {
 }
 
 /// Which neighbours a patch must join.
+///
+/// ```
+/// use rugosa_fractal::surfaces::ifs::{Ifs, Joins, Variant};
+/// let left = Ifs::bilinear(Variant::Tied, &core::array::from_fn(|i| i as f64));
+/// let fixed = Joins { left: Some(&left), above: None }.fixed(Variant::Tied);
+/// // four heights and the 18 weights of the border; the first heights of the rows of this
+/// // patch are the last ones of the rows of its neighbour
+/// assert_eq!(fixed.len(), 4 + 18);
+/// assert_eq!(fixed[..4], [(0, 3.0), (4, 7.0), (8, 11.0), (12, 15.0)]);
+/// ```
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Joins<'a> {
     /// the patch on its left
@@ -93,6 +117,21 @@ impl Mosaic {
 
     /// Fits a grid of (rows · 3^p + 1) × (columns · 3^p + 1) samples; returns the fits, row by
     /// row, beside it. `progress` hears of the patch and its iteration.
+    ///
+    /// ```
+    /// use rugosa_fractal::surfaces::{Shape, ifs::{Mosaic, Options}};
+    /// // two patches side by side: 28 rows of 2 · 27 + 1 samples
+    /// let shape = Shape::new(28, 55);
+    /// let data: Vec<f64> = (0..shape.len())
+    ///     .map(|i| (0.4 * (i % 55) as f64).sin() * (0.3 * (i / 55) as f64).cos())
+    ///     .collect();
+    /// let options = Options { iterations: 2, ..Options::default() };
+    /// let (mosaic, fits) = Mosaic::fit(&data, shape, 3, &options, &mut |_, _| {}).unwrap();
+    /// assert_eq!((mosaic.lattice(), fits.len()), (Shape::new(1, 2), 2));
+    /// // no seam, deeper than the data too
+    /// let [left, right] = [0, 1].map(|patch| mosaic.patches()[patch].tabulate(4));
+    /// assert!((0..82).all(|row| left[row * 82 + 81] == right[row * 82]));
+    /// ```
     ///
     /// # Errors
     /// Sides of another form, p < 3, non-finite data.

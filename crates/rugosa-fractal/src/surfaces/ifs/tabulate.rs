@@ -11,11 +11,21 @@ use super::{Ifs, Variant};
 use alloc::{vec, vec::Vec};
 
 /// Samples per side at depth p: 3^p + 1.
+///
+/// ```
+/// use rugosa_fractal::surfaces::ifs::side_of;
+/// assert_eq!([1, 2, 3, 4].map(side_of), [4, 10, 28, 82]);
+/// ```
 pub fn side_of(depth: u32) -> usize {
     3usize.pow(depth) + 1
 }
 
 /// The depth whose tables have this side; `None` if there is none.
+///
+/// ```
+/// use rugosa_fractal::surfaces::ifs::depth_of;
+/// assert_eq!([28, 82, 64].map(depth_of), [Some(3), Some(4), None]);
+/// ```
 pub fn depth_of(side: usize) -> Option<u32> {
     (1..12).find(|&depth| side_of(depth) == side)
 }
@@ -74,6 +84,15 @@ impl Patch {
 
 impl Ifs {
     /// The table of depth p ≥ 1, (3^p + 1)² heights, row by row.
+    ///
+    /// ```
+    /// use rugosa_fractal::surfaces::ifs::{Ifs, Variant, side_of};
+    /// let ifs = Ifs::bilinear(Variant::Tied, &core::array::from_fn(|i| (i * i % 11) as f64));
+    /// let (coarse, fine) = (ifs.tabulate(2), ifs.tabulate(3));
+    /// assert_eq!((coarse.len(), fine.len()), (side_of(2).pow(2), side_of(3).pow(2)));
+    /// // every third height of the finer table is the coarser one
+    /// assert!((0..100).all(|i| coarse[i] == fine[i / 10 * 3 * 28 + i % 10 * 3]));
+    /// ```
     pub fn tabulate(&self, depth: u32) -> Vec<f64> {
         let stencil = Stencil::new(self.variant);
         let mut grid = self.parameters[..16].to_vec();
@@ -84,6 +103,16 @@ impl Ifs {
     }
 
     /// The table of depth p and its Jacobian, one row of `parameters` per sample.
+    ///
+    /// ```
+    /// use rugosa_fractal::surfaces::ifs::{Ifs, Variant};
+    /// let ifs = Ifs::bilinear(Variant::Tied, &core::array::from_fn(|i| (i * i % 11) as f64));
+    /// let (table, rows) = ifs.jacobian(2);
+    /// assert_eq!(table, ifs.tabulate(2));
+    /// // sample 1 lies a third of the way from the first control height to the second
+    /// let row = &rows[232..2 * 232];
+    /// assert!((row[0] - 2.0 / 3.0).abs() < 1e-12 && (row[1] - 1.0 / 3.0).abs() < 1e-12);
+    /// ```
     pub fn jacobian(&self, depth: u32) -> (Vec<f64>, Vec<f64>) {
         let stencil = Stencil::new(self.variant);
         let count = self.parameters.len();

@@ -24,6 +24,14 @@ pub struct Detail {
 
 impl Detail {
     /// Standard deviation of the noise of doubling `level` (1 is the first) \[m\].
+    ///
+    /// ```
+    /// use rugosa_fractal::surfaces::midpoint::Detail;
+    /// // 0.2 m at the map's own spacing, half of it at half the spacing
+    /// let detail = Detail { deviation: 0.2, exponent: 1.0 };
+    /// assert!((detail.deviation(1) - 0.1).abs() < 1e-6);
+    /// assert!((detail.deviation(2) - 0.05).abs() < 1e-6);
+    /// ```
     pub fn deviation(&self, level: u32) -> f32 {
         self.deviation * math::exp2(-self.exponent * level as f32)
     }
@@ -44,6 +52,25 @@ const FEWEST: usize = 16;
 impl Calibration {
     /// Measures the residuals of `map` with blends for the exponent `hurst` (0.8 suits most
     /// ground; the weights hardly depend on it).
+    ///
+    /// ```
+    /// use rugosa_fractal::surfaces::{Shape, SurfaceError};
+    /// use rugosa_fractal::surfaces::midpoint::{Blend, Cache, Calibration, Stencil, Step};
+    /// use rand_core::SeedableRng;
+    /// # let mut rng = rand_xoshiro::Xoshiro128PlusPlus::seed_from_u64(1);
+    /// // 129 × 129 independent heights, standard deviation 0.1 m
+    /// let mut height = || 0.1 * rugosa_fractal::synthesis::normal(&mut rng);
+    /// let z: Vec<f32> = (0..129 * 129).map(|_| height()).collect();
+    /// # let mut entries = [Blend::default(); 64];
+    /// let mut cache = Cache::new(&mut entries, Stencil::Four);
+    /// let measured = Calibration::measure(&z, Shape::new(129, 129), 0.8, &mut cache).unwrap();
+    /// // a height less the mean of four others, whatever the spacing
+    /// let square = measured.of(Step::Square);
+    /// assert!((square.deviation - 0.1 * 1.25f32.sqrt()).abs() < 0.003);
+    /// assert!(square.exponent.abs() < 0.05);
+    /// let small = Calibration::measure(&z, Shape::new(5, 5), 0.8, &mut cache);
+    /// assert!(matches!(small, Err(SurfaceError::TooFew(_))));
+    /// ```
     ///
     /// # Errors
     /// A slice too short, or fewer than 16 residuals at either spacing.

@@ -57,6 +57,24 @@ pub enum Noise {
 }
 
 /// How a map is densified.
+///
+/// ```
+/// use rugosa_fractal::surfaces::{Shape, midpoint::{Blend, Midpoint, Noise, Roughness, Stencil}};
+/// // a slope of 1 m per column, known on every second node
+/// let known = |i: usize| i / 5 % 2 == 0 && i % 5 % 2 == 0;
+/// let mut grid: [f32; 25] =
+///     core::array::from_fn(|i| if known(i) { (i % 5) as f32 } else { f32::NAN });
+/// let settings = Midpoint {
+///     stencil: Stencil::Four,
+///     noise: Noise::None,
+///     roughness: &|_, _| Roughness { hurst: 0.8, sigma: 0.1 },
+///     resolution: 1.0,
+/// };
+/// let (mut cache, shape) = ([Blend::default(); 64], Shape::new(5, 5));
+/// let counts = settings.densify(&mut grid, shape, 1, (&mut || 0.0, &mut cache)).unwrap();
+/// assert_eq!((counts.filled, counts.unknown), (16, 0));
+/// assert!((0..25).all(|i| (grid[i] - (i % 5) as f32).abs() < 1e-6));
+/// ```
 pub struct Midpoint<'a> {
     /// how midpoints are blended
     pub stencil: Stencil,

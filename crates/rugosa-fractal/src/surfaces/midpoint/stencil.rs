@@ -77,6 +77,13 @@ pub enum Step {
 
 impl Step {
     /// The sixteen neighbours, nearest four first.
+    ///
+    /// ```
+    /// use rugosa_fractal::surfaces::midpoint::Step;
+    /// // rows, columns
+    /// assert_eq!(Step::Square.offsets()[..4], [(-1, -1), (-1, 1), (1, -1), (1, 1)]);
+    /// assert_eq!(Step::Diamond.offsets()[..4], [(-1, 0), (1, 0), (0, -1), (0, 1)]);
+    /// ```
     pub fn offsets(self) -> &'static [Offset; 16] {
         match self {
             Step::Square => &SQUARE,
@@ -122,6 +129,20 @@ pub struct Blend {
 impl Blend {
     /// Weights of `stencil` for the neighbours in `known`, Hurst exponent `hurst`.
     /// `None` when none of the nearest four is known.
+    ///
+    /// ```
+    /// use rugosa_fractal::surfaces::midpoint::{Blend, Stencil, Step};
+    /// let all = |stencil| Blend::new(stencil, Step::Square, u16::MAX, 0.5).unwrap();
+    /// let four = all(Stencil::Four);
+    /// assert_eq!(four.weights[..5], [0.25, 0.25, 0.25, 0.25, 0.0]);
+    /// // √2 − ½ (1 + ½ √2) at hurst ½, in units of σ² h
+    /// assert!((four.variance - 0.56066).abs() < 1e-5);
+    /// let kriged = all(Stencil::Kriged16);
+    /// assert!(kriged.variance < four.variance);
+    /// assert!((kriged.weights.iter().sum::<f32>() - 1.0).abs() < 1e-5);
+    /// // none of the nearest four is known
+    /// assert!(Blend::new(Stencil::Four, Step::Square, 0xfff0, 0.5).is_none());
+    /// ```
     pub fn new(stencil: Stencil, step: Step, known: u16, hurst: f32) -> Option<Blend> {
         if known & NEAREST == 0 {
             return None;
@@ -154,6 +175,17 @@ impl Blend {
 
 /// Weights already solved for, in memory lent by the caller (64 entries are plenty for one
 /// Hurst exponent; 80 bytes each).
+///
+/// ```
+/// use rugosa_fractal::surfaces::midpoint::{Blend, Cache, Stencil, Step};
+/// let mut entries = [Blend::default(); 64];
+/// let mut cache = Cache::new(&mut entries, Stencil::Kriged16);
+/// // the neighbour in the north-west is not known
+/// let known = u16::MAX & !1;
+/// let solved = Blend::new(Stencil::Kriged16, Step::Square, known, 0.7).unwrap();
+/// let cached = cache.blend(Step::Square, known, 0.7).unwrap();
+/// assert_eq!((cached.weights, cached.weights[0]), (solved.weights, 0.0));
+/// ```
 pub struct Cache<'a> {
     entries: &'a mut [Blend],
     stencil: Stencil,

@@ -44,6 +44,16 @@ struct Regressor {
 impl Surface<'_> {
     /// The one s that fits `data` best. `scratch` is as large as `data`.
     ///
+    /// ```
+    /// use rugosa_fractal::surfaces::{Shape, rectangular::{Scale, Surface}};
+    /// let nodes: [f32; 25] = core::array::from_fn(|i| (i * i % 7) as f32);
+    /// let flat = Surface::new(&nodes, Shape::new(5, 5), (4, 4), Scale::Constant(0.0)).unwrap();
+    /// let (mut data, mut scratch) = ([0.0; 17 * 17], [0.0; 17 * 17]);
+    /// flat.with(Scale::Constant(-0.3)).unwrap().evaluate(&mut data).unwrap();
+    /// let scale = flat.best_scale(&data, &mut scratch).unwrap();
+    /// assert!((scale + 0.3).abs() < 1e-5);
+    /// ```
+    ///
     /// # Errors
     /// Slices shorter than [`Surface::shape`], non-finite data.
     pub fn best_scale(&self, data: &[f32], scratch: &mut [f32]) -> Result<f32, SurfaceError> {
@@ -69,6 +79,18 @@ impl Surface<'_> {
 
     /// The best s of every tile, against the surface with s = 0; `scales` holds one value per
     /// tile. Meant for the Coons base.
+    ///
+    /// ```
+    /// use rugosa_fractal::surfaces::{Shape, rectangular::{Base, Scale, Surface}};
+    /// let nodes: [f32; 25] = core::array::from_fn(|i| (i * i % 7) as f32);
+    /// let flat = Surface::new(&nodes, Shape::new(5, 5), (4, 4), Scale::Constant(0.0)).unwrap();
+    /// let flat = flat.on(Base::Coons);
+    /// let truth: [f32; 16] = core::array::from_fn(|tile| 0.05 * tile as f32 - 0.3);
+    /// let (mut data, mut scratch, mut scales) = ([0.0; 17 * 17], [0.0; 17 * 17], [0.0; 16]);
+    /// flat.with(Scale::Tiles(&truth)).unwrap().evaluate(&mut data).unwrap();
+    /// flat.best_tile_scales(&data, &mut scratch, &mut scales).unwrap();
+    /// assert!(scales.iter().zip(truth).all(|(found, s)| (found - s).abs() < 1e-4));
+    /// ```
     ///
     /// # Errors
     /// As [`Surface::best_scale`].
@@ -97,6 +119,18 @@ impl Surface<'_> {
 
     /// The continuous field that fits `data` best, |s| ≤ 0.95: `scales` receives one value per
     /// node. `equations` has one element per node, `scratch` is as large as `data`.
+    ///
+    /// ```
+    /// use rugosa_fractal::surfaces::{Shape, rectangular::{Scale, Surface}};
+    /// let nodes: [f32; 25] = core::array::from_fn(|i| (i * i % 7) as f32);
+    /// let flat = Surface::new(&nodes, Shape::new(5, 5), (4, 4), Scale::Constant(0.0)).unwrap();
+    /// let truth: [f32; 25] = core::array::from_fn(|node| 0.02 * node as f32 - 0.2);
+    /// let (mut data, mut scratch) = ([0.0; 17 * 17], [0.0; 17 * 17]);
+    /// let (mut equations, mut scales) = ([[0.0; 10]; 25], [0.0; 25]);
+    /// flat.with(Scale::Nodes(&truth)).unwrap().evaluate(&mut data).unwrap();
+    /// flat.best_node_scales(&data, (&mut scratch, &mut equations), &mut scales).unwrap();
+    /// assert!(scales.iter().zip(truth).all(|(found, s)| (found - s).abs() < 1e-3));
+    /// ```
     ///
     /// # Errors
     /// As [`Surface::best_scale`].

@@ -61,11 +61,24 @@ pub enum Scale<'a> {
 }
 
 /// s = n^−H: the scale at which a lattice of n tiles per axis has the Hurst exponent H.
+///
+/// ```
+/// use rugosa_fractal::surfaces::rectangular::{dimension, scale_for_hurst};
+/// let scale = scale_for_hurst(4.0, 0.5); // 4 tiles per axis
+/// assert_eq!(scale, 0.5);
+/// assert!((dimension(4.0, scale) - 2.5).abs() < 1e-6);
+/// ```
 pub fn scale_for_hurst(tiles: f32, hurst: f32) -> f32 {
     math::powf(tiles, -hurst)
 }
 
 /// Fractal dimension of the surface for generic data: 3 + ln|s|/ln n, or 2 if n |s| ≤ 1.
+///
+/// ```
+/// use rugosa_fractal::surfaces::rectangular::dimension;
+/// assert!((dimension(4.0, -0.5) - 2.5).abs() < 1e-6);
+/// assert_eq!(dimension(4.0, 0.2), 2.0); // too flat to be fractal
+/// ```
 pub fn dimension(tiles: f32, scale: f32) -> f32 {
     let product = tiles * math::abs(scale);
     if product <= 1.0 {
@@ -77,6 +90,13 @@ pub fn dimension(tiles: f32, scale: f32) -> f32 {
 
 /// How many applications of L⁻¹ bring every sample of an axis to a node; `None` if some
 /// never arrive. `tiles` and `tile` are n and t.
+///
+/// ```
+/// use rugosa_fractal::surfaces::rectangular::passes_to_nodes;
+/// assert_eq!(passes_to_nodes(8, 4), Some(1)); // every preimage is a node
+/// assert_eq!(passes_to_nodes(4, 8), Some(2));
+/// assert_eq!(passes_to_nodes(3, 4), None);
+/// ```
 pub fn passes_to_nodes(tiles: usize, tile: usize) -> Option<u32> {
     let steps = |start: usize| {
         let (mut k, mut count) = (start, 0);
@@ -102,6 +122,23 @@ fn preimage(tiles: usize, tile: usize, k: usize) -> usize {
 }
 
 /// A fractal interpolation surface.
+///
+/// ```
+/// use rugosa_fractal::surfaces::{Shape, SurfaceError, rectangular::{Scale, Surface}};
+/// // 2 × 2 tiles of 2 × 2 samples; flat but for a peak of 1 m in the middle
+/// let nodes = [0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0];
+/// let lattice = Shape::new(3, 3);
+/// let surface = Surface::new(&nodes, lattice, (2, 2), Scale::Constant(0.4)).unwrap();
+/// assert_eq!(surface.shape(), Shape::new(5, 5));
+/// let (mut plain, mut fractal) = ([0.0; 25], [0.0; 25]);
+/// surface.write_bilinear(&mut plain);
+/// assert_eq!(surface.evaluate(&mut fractal), Ok(1)); // one pass is exact
+/// assert_eq!(fractal[2 * 5 + 2], 1.0); // through the node
+/// // a small copy of the peak in the middle of every tile
+/// assert!((plain[6] - 0.25).abs() < 1e-6 && (fractal[6] - (0.25 + 0.4)).abs() < 1e-6);
+/// let unbounded = Surface::new(&nodes, lattice, (2, 2), Scale::Constant(1.0));
+/// assert_eq!(unbounded.err(), Some(SurfaceError::Scale(1.0)));
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Surface<'a> {
     nodes: &'a [f32],
@@ -167,6 +204,19 @@ impl<'a> Surface<'a> {
 
     /// The largest jump of height on a tile edge; 0 where the construction is continuous.
     /// `surface` is the evaluated surface.
+    ///
+    /// ```
+    /// use rugosa_fractal::surfaces::{Shape, rectangular::{Base, Scale, Surface}};
+    /// let nodes = [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
+    /// let scales = [0.4, 0.1, 0.4, 0.1]; // per tile, row by row
+    /// let tiles = Scale::Tiles(&scales);
+    /// let surface = Surface::new(&nodes, Shape::new(3, 3), (2, 2), tiles).unwrap();
+    /// let mut z = [0.0; 25];
+    /// surface.evaluate(&mut z).unwrap();
+    /// assert!((surface.largest_jump(&z) - 0.3).abs() < 1e-6); // metres, |0.4 − 0.1| · 1 m
+    /// // on the Coons base any scales are continuous
+    /// assert_eq!(surface.on(Base::Coons).largest_jump(&z), 0.0);
+    /// ```
     pub fn largest_jump(&self, surface: &[f32]) -> f32 {
         let Scale::Tiles(scales) = self.scale else {
             return 0.0;
