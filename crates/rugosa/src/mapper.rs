@@ -296,8 +296,8 @@ impl<'m> Mapper<'m> {
     }
 
     /// Maps points \[m\] of the sensor frame, all seen from one pose (map ← sensor), as a
-    /// part of sweep `view.sweep`: for clouds from elsewhere. End the sweep with
-    /// [`Mapper::commit`].
+    /// part of sweep `view.sweep`, which becomes the mapper's: for clouds from elsewhere. End
+    /// the sweep with [`Mapper::commit`].
     ///
     /// ```
     /// use nalgebra::Isometry3;
@@ -308,12 +308,16 @@ impl<'m> Mapper<'m> {
     /// let mut mapper = Mapper::new(Config::default(), planes.lend()).unwrap();
     /// // from 5 m above the point (1, 0): ground 0.3 m high half a metre to the left of it
     /// let (above, noise) = (Isometry3::translation(1.0, 0.0, 5.0), Noise::new(0.01, 0.0, 0.0));
-    /// let view = View { map_from_sensor: &above, noise: &noise, sweep: 0 };
+    /// let view = View { map_from_sensor: &above, noise: &noise, sweep: 7 };
     /// mapper.points(&[[0.05, 0.55, -4.7]], &view);
-    /// assert_eq!(mapper.commit(&mut |_| {}).measured, 1);
+    /// let report = mapper.commit(&mut |_| {});
+    /// assert_eq!((report.sweep, report.measured), (7, 1));
     /// assert!((mapper.value(Layer::Elevation, Cell::new(10, 5)) - 0.3).abs() < 1e-5);
     /// ```
     pub fn points(&mut self, points: &[[f32; 3]], view: &View) {
+        if self.progress.sweep() as u16 != view.sweep {
+            self.progress.resume(view.sweep.into());
+        }
         let fused = self.surface.fuse_points(points, view);
         let returns = Returns {
             fused,

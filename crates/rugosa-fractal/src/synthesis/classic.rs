@@ -20,7 +20,7 @@ use rugosa_grid::math;
 
 /// Fills `out` (side² elements, side = 2^k + 1) with a surface of Hurst exponent
 /// `hurst`, scaled so that an elevation difference over the whole side has a standard
-/// deviation of roughly side^H, that over one cell of roughly 1.
+/// deviation of roughly side^H, that over one cell of 1 to 2 (1.5 at H = 0.5).
 ///
 /// ```
 /// use rand_core::SeedableRng;

@@ -197,7 +197,7 @@ impl Patch {
             let column = window.column_part(corner.x.wrapping_add(x as i32));
             column.unwrap_or_default()
         });
-        let reached = (1 << (TILE + 2 * margin)) - 1 << (REACH - margin);
+        let reached = ((1 << (TILE + 2 * margin)) - 1) << (REACH - margin);
         let mut is_first = true;
         self.variance = 0.0;
         for y in (REACH - margin) as usize..(TILE + REACH + margin) as usize {
