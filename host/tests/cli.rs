@@ -212,6 +212,16 @@ fn a_raster_becomes_a_map_in_every_format() {
             "{a} became {b}"
         );
     }
+    let bag = report["files"].as_array().unwrap().iter();
+    let bag = bag
+        .filter_map(|f| f.as_str())
+        .find(|f| f.ends_with(".mcap"));
+    let described = json(&["info", bag.unwrap(), "--json"]);
+    assert_eq!(
+        (&described["kind"], &described["points"]),
+        (&"points".into(), &1191.into()),
+        "a bag is not a recording"
+    );
     let pgm = fs::read(out.join("map.pgm")).unwrap();
     assert!(pgm.starts_with(b"P5\n40 30\n255\n"));
     assert_eq!(pgm.last(), Some(&255), "the hole is at the lower right");

@@ -1,5 +1,5 @@
 //! Accuracy of the dimension of irregular points: 5 % of the nodes of exact 512² surfaces,
-//! lags 2–30, for D = 2.1 … 2.9, without noise and at 30, 25 and 20 dB, noise known and
+//! lags 2–30, for D = 2.1 … 2.9, without noise and at 30, 25, 20 and 10 dB, noise known and
 //! fitted. Prints the tables of docs/results-roughness.md.
 //!
 //! `cargo run --release -p rugosa-fractal --features std --example accuracy [-- SURFACES [SIDE]]`
@@ -14,7 +14,7 @@ use rugosa_fractal::synthesis::exact_fbm_pair;
 const DIMENSIONS: [f64; 9] = [2.1, 2.2, 2.3, 2.4, 2.5, 2.6, 2.7, 2.8, 2.9];
 
 /// SNR in dB (none: infinite) and whether the noise is known.
-const CASES: [(Option<f64>, bool); 8] = [
+const CASES: [(Option<f64>, bool); 10] = [
     (None, true),
     (None, false),
     (Some(30.0), true),
@@ -23,6 +23,8 @@ const CASES: [(Option<f64>, bool); 8] = [
     (Some(25.0), false),
     (Some(20.0), true),
     (Some(20.0), false),
+    (Some(10.0), true),
+    (Some(10.0), false),
 ];
 
 fn main() {
@@ -100,6 +102,7 @@ fn print_case<E: std::fmt::Debug>(errors: &Errors<E>, snr: Option<f64>, known: b
         if known { "known" } else { "fitted" }
     );
     let (mut biases, mut squares, mut failed) = (0.0, 0.0, 0);
+    let (mut all_stated, mut all_true) = (0.0, 0.0);
     for errors in errors {
         let good: Vec<(f64, f64)> = errors
             .iter()
@@ -112,12 +115,15 @@ fn print_case<E: std::fmt::Debug>(errors: &Errors<E>, snr: Option<f64>, known: b
         let stated = (good.iter().map(|e| e.1 * e.1).sum::<f64>() / n).sqrt();
         let deviation = ((square - bias * bias) * n / (n - 1.0)).sqrt();
         print!(" {bias:+.3}±{deviation:.3}({:.2})", stated / deviation);
+        all_stated += stated * stated;
+        all_true += deviation * deviation;
         biases += bias.abs() / DIMENSIONS.len() as f64;
         squares += square / DIMENSIONS.len() as f64;
     }
     println!(
-        " | mean |bias| {biases:.4} rms {:.4} failed {failed}",
-        squares.sqrt()
+        " | mean |bias| {biases:.4} rms {:.4} stated / true {:.2} failed {failed}",
+        squares.sqrt(),
+        (all_stated / all_true).sqrt()
     );
 }
 

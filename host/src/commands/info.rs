@@ -3,21 +3,22 @@
 use crate::console::Console;
 use crate::error::Result;
 use crate::io::{self, Dataset, Points, Raster, Spacing};
-use crate::recording::Summary;
+use crate::recording::{Recording, Summary};
 use serde::Serialize;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// Say what a file of points, a raster or a recording holds.
+/// Say what a file of points, a raster, a bag or a recording holds.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
   rugosa info scan.ply
   rugosa info sweeps.mcap
+  rugosa info rosbag2_0.mcap
   rugosa info dem.npy --spacing 0.1 --json")]
 pub struct Args {
-    /// Points (.csv .xyz .ply .npy N×3) or a raster (.asc, .npy 2-D with --spacing) or a
-    /// recording (.mcap)
+    /// Points (.csv .xyz .ply .las .npy N×3 …), a raster (.asc .tif, .npy 2-D with --spacing),
+    /// a recording or a bag of point clouds (.mcap)
     file: PathBuf,
 
     /// Distance between the nodes of a 2-D .npy, DX or DX,DY [m]
@@ -49,7 +50,7 @@ enum Report {
 
 /// Reads the file and describes it.
 pub fn run(args: &Args, console: &Console) -> Result<()> {
-    if is_recording(&args.file) {
+    if is_recording(&args.file)? {
         let mut progress = console.progress("reading", None);
         let summary = Summary::of(&args.file, |n| progress.set(n, || format!("{n} messages")))?;
         drop(progress);
@@ -63,9 +64,15 @@ pub fn run(args: &Args, console: &Console) -> Result<()> {
     console.result(&report, &report)
 }
 
-fn is_recording(path: &Path) -> bool {
-    path.extension()
-        .is_some_and(|e| e.eq_ignore_ascii_case("mcap"))
+/// Is this a recording, rather than a bag of other programs' messages?
+fn is_recording(path: &Path) -> Result<bool> {
+    let extension = path.extension();
+    if !extension.is_some_and(|e| e.eq_ignore_ascii_case("mcap")) {
+        return Ok(false);
+    }
+    let mut recording = Recording::open(path)?;
+    let is_without_ours = matches!(recording.next(), Some(Err(_)));
+    Ok(!is_without_ours || recording.foreign() == 0)
 }
 
 impl Report {

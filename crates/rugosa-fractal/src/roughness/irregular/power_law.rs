@@ -113,12 +113,18 @@ pub struct Fit {
 
 const ROUNDS: usize = 40;
 
+/// Differences that grow so little with distance are noise, if noise may be: natural ground
+/// has H of 0.1 and more.
+const FLAT: f64 = 0.03;
+
 /// Of H in a round; longer steps are shortened whole, or the search runs away.
 const LONGEST_STEP: f64 = 0.2;
 
 /// The shared errors are computed anew where H has changed by more.
 const SAME_SHAPE: f64 = 0.003;
-const STARTS: [f64; 3] = [0.0, 0.5, 0.9];
+/// Where the search for a noise begins, as parts of the least moment: nearly all of it is noise
+/// where smooth ground is seen at 13 dB.
+const STARTS: [f64; 4] = [0.0, 0.5, 0.9, 0.98];
 
 impl Fit {
     /// The best fit to the bins of a region; at least three bins.
@@ -157,10 +163,11 @@ impl Fit {
                     .iter()
                     .filter_map(|share| fits(share * least, f64::INFINITY))
                     .reduce(|a, b| if b.cost < a.cost { b } else { a });
-                match (fits(0.0, 0.0), noisy) {
+                let either = match (fits(0.0, 0.0), noisy) {
                     (Some(none), Some(some)) => Some(average(&none, &some)),
                     (none, some) => none.or(some),
-                }
+                };
+                either.filter(|peak| peak.state.hurst > FLAT)
             }
         };
         let fit = best.and_then(|peak| {

@@ -143,6 +143,36 @@ fn stated_errors_of_points_are_right_within_40_percent() {
     }
 }
 
+/// Noise of a third of the relief, which the lags hardly stand out of: a dimension, if there
+/// is one, lies within its error, and ground that cannot be told from noise has none. Before
+/// there was a start of the search near pure noise, half of these were D = 3.
+#[test]
+fn much_noise_on_smooth_ground_is_not_taken_for_rough_ground() {
+    let hurst = 0.8;
+    let surfaces: Vec<Vec<f32>> = (200..210)
+        .flat_map(|seed| exact_fbm_pair(256, hurst, seed))
+        .collect();
+    let mut told = 0;
+    for heights in &surfaces {
+        let n = heights.len() as f64;
+        let mean = heights.iter().map(|&z| f64::from(z)).sum::<f64>() / n;
+        let relief = heights.iter().map(|&z| (f64::from(z) - mean).powi(2));
+        let noise = libm::sqrt(0.1 * relief.sum::<f64>() / n);
+        match estimate_points(&sample(heights, noise), &options(Noise::Fitted)).law {
+            Ok(law) => {
+                let off = (law.hurst - hurst).abs() / law.standard_error;
+                assert!(off < 3.5, "{law:?}");
+                told += 1;
+            }
+            Err(reason) => assert_eq!(reason, Reason::Noise),
+        }
+    }
+    assert!(told >= 15, "{told}");
+    let white: Vec<f32> = exact_fbm(256, 0.5, 1).iter().map(|_| 0.0).collect();
+    let floor = estimate_points(&sample(&white, 0.01), &options(Noise::Fitted));
+    assert_eq!(floor.law, Err(Reason::Noise));
+}
+
 #[test]
 fn fitted_noise_is_the_noise() {
     let estimate = estimate_points(&points(256, 0.7, 2.0, 3), &options(Noise::Fitted));
