@@ -4,6 +4,7 @@ use crate::board_clock::BoardClock;
 use crate::feeder::Feeder;
 use crate::listener::Listener;
 use crate::log::{Entry, Log};
+use crate::schedule::Schedule;
 use crate::sent_map::{Extent, Sent};
 use crate::summary::{Lines, Parity, STAGES, Summary};
 use crate::twin::Twin;
@@ -252,6 +253,7 @@ impl<M: Iterator<Item = Message>> Bench<M> {
     /// Scanner → module and twin.
     fn feed(&mut self) -> Result<usize> {
         let now = self.now();
+        self.feeder.look(micros(now));
         let line = &mut self.lines[0];
         if line.room(now) >= 512 && self.pending[0].is_empty() {
             line.push(&self.feeder.next_frame(micros(now)), now);
@@ -397,7 +399,7 @@ impl<M: Iterator<Item = Message>> Bench<M> {
                 received,
                 lost: self.feeder.lines.saturating_sub(received),
                 rejected: received.saturating_sub(u64::from(at(counter::LINES_USED))),
-                lateness: self.feeder.schedule.map(|s| s.lateness()),
+                lateness: self.feeder.schedule.as_ref().map(Schedule::lateness),
             },
             instructions: STAGES
                 .iter()

@@ -87,6 +87,11 @@ impl<M: Iterator<Item = Message>> Feeder<M> {
         self.link.peer().map(|peer| peer.session)
     }
 
+    /// Looks at the clock, as often as possible: which lines are due?
+    pub fn look(&mut self, now_us: u64) {
+        self.schedule.iter_mut().for_each(|s| s.look(now_us));
+    }
+
     /// The next frame; empty: nothing may be sent now.
     pub fn next_frame(&mut self, now_us: u64) -> Vec<u8> {
         if self.is_muted {
@@ -110,7 +115,7 @@ impl<M: Iterator<Item = Message>> Feeder<M> {
             return 0;
         };
         if let (Message::Line(_), Some(schedule)) = (&message, &self.schedule)
-            && !schedule.is_due(now_us)
+            && !schedule.is_due()
         {
             self.first.push_front(message);
             return 0;

@@ -19,7 +19,7 @@ use crate::reconstruct::Reconstruction;
 use crate::report::{Stage, SweepReport};
 use crate::restore::Place as MapPlace;
 use crate::tiles::{Ground, TileGround};
-use crate::traversability::{CellCost, Costs, LimitError, Limits};
+use crate::traversability::{CellCost, Costs, LimitError, Limits, Patch};
 use nalgebra::Isometry3;
 use rugosa_fractal::roughness::{
     Committed, Method, Pool, Settings, StructureFunction, Trend, estimate,
@@ -824,7 +824,8 @@ impl Surface<'_> {
         let tiles = Tiles::of(self.grid.window());
         let sums = self.structure.tiles();
         let measured = |near| tiles.slot(near).map_or(0, |slot| sums[slot].measured());
-        let mut judging = self.costs.judging(&self.grid, limits);
+        let mut patch = Patch::new();
+        let mut judging = self.costs.judging(&self.grid, limits, &mut patch);
         for tile in tiles.tiles() {
             if !self.ground.take_cost_stale(&tiles, tile) {
                 continue;

@@ -231,8 +231,9 @@ fn text(summary: &Summary) -> String {
         false => "MODULE AND HOST DIFFER",
     };
     let late = lines.lateness.map_or_else(String::new, |l| {
-        let worst_ms = l.worst_us as f64 * 1e-3;
-        format!(", {} late (at most {worst_ms:.1} ms)", l.late)
+        let [worst_ms, away_ms] = [l.worst_us, l.away_us].map(|us| us as f64 * 1e-3);
+        let late = l.late;
+        format!(", {late} late (at most {worst_ms:.1} ms; scanner away {away_ms:.1} ms)")
     });
     let board = summary
         .board_seconds

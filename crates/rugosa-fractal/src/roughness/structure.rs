@@ -13,8 +13,8 @@
 //! the same way, with the window as it was. A tile whose cells have all gone is then
 //! empty, so its slot in the ring can serve another tile.
 //!
-//! Where only a few samples of a tile change, single pairs are taken out and added; from
-//! [`ROW_WISE_FROM`] changes on, the tile is recomputed row by row at the commit. Both
+//! Where only a few samples within a tile's reach change, single pairs are taken out and added;
+//! from [`ROW_WISE_FROM`] changes on, the tile is recomputed row by row at the commit. Both
 //! give the same integers; after any history they equal those of a pass over the current
 //! samples, bit for bit (test `any_history_equals_a_pass_over_all_pairs`).
 //!
@@ -27,8 +27,8 @@ use super::rows::Block;
 use super::sums::{LagSums, TileSums};
 use rugosa_grid::{Cell, Sample, TILE, Tile, TileBits, Tiles, Window};
 
-/// So many changed samples of a tile make the row-wise pass the cheaper one. The choice
-/// depends on the machine (vector instructions), the result does not.
+/// So many changed samples in a tile and those that its pairs reach into make the row-wise pass
+/// the cheaper one. The choice depends on the machine (vector instructions), the result does not.
 pub const ROW_WISE_FROM: u16 = if cfg!(target_arch = "arm") { 20 } else { 48 };
 
 /// What a commit did.

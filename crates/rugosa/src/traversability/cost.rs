@@ -131,12 +131,13 @@ impl<'m> Costs<'m> {
         &'a mut self,
         grid: &'a ElevationGrid<'m>,
         limits: &'a Limits,
+        patch: &'a mut Patch,
     ) -> Judging<'a, 'm> {
         Judging {
             plane: self.plane,
             grid,
             limits,
-            patch: Patch::new(),
+            patch,
         }
     }
 }
@@ -146,7 +147,8 @@ pub(crate) struct Judging<'a, 'm> {
     plane: &'a mut [CellCost],
     grid: &'a ElevationGrid<'m>,
     limits: &'a Limits,
-    patch: Patch,
+    /// room for the ground around a tile
+    patch: &'a mut Patch,
 }
 
 impl Judging<'_, '_> {

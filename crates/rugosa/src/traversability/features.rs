@@ -19,11 +19,10 @@
 //!
 //! The cells of a tile and its margin are unpacked once. Then four neighbouring cells at a
 //! time look at the cells of their discs, offset by offset, whether those were measured or
-//! not: sums over a row of the disc first, their products with y last. That gives slope, step
-//! and the greatest variance; the chance of a hidden step follows from them alone unless a
-//! neighbour might be likelier to hide one than the unseen ground is, and only then the
-//! neighbours are asked one by one. Of the unseen ones the farthest counts, which bits tell. What
-//! a disc looks like, and the powers d^{2H}, are the same for all cells of a tile. A slope needs
+//! not: sums over a row of the disc first, their products with y last. That gives slope and
+//! step. The step and the greatest variance of all tell whether a neighbour might be likelier to
+//! hide a step than the unseen ground is, and only then the neighbours are asked one by one. Of
+//! the unseen ones the farthest counts, which bits tell. What a disc looks like, and the powers d^{2H}, are the same for all cells of a tile. A slope needs
 //! at least [`LEAST`] measured cells that do not lie on a line; otherwise it is NaN.
 //!
 //! Cost: 18 operations for each offset (37 at 3 cells) and four cells, and some 300 for each
@@ -81,8 +80,8 @@ struct Strip {
     elevation: [f32; SIDE],
     /// above 0 where measured, else anything \[m²\]
     variance: [f32; SIDE],
-    /// 0 where measured, else −[`FAR`]
-    gap: [f32; SIDE],
+    /// 1 where measured, else 0
+    count: [f32; SIDE],
     /// bit x: measured?
     measured: u32,
 }
@@ -162,12 +161,12 @@ impl Strip {
     const EMPTY: Strip = Strip {
         elevation: [0.0; SIDE],
         variance: [0.0; SIDE],
-        gap: [-FAR; SIDE],
+        count: [0.0; SIDE],
         measured: 0,
     };
 
     fn empty(&mut self) {
-        (self.elevation, self.gap) = (Strip::EMPTY.elevation, Strip::EMPTY.gap);
+        (self.elevation, self.count) = (Strip::EMPTY.elevation, Strip::EMPTY.count);
         self.measured = 0;
     }
 }
@@ -223,7 +222,7 @@ impl Patch {
         strip.elevation[x] = elevation - self.datum;
         strip.variance[x] = variance + TINY;
         self.variance = self.variance.max(variance + TINY);
-        strip.gap[x] = 0.0;
+        strip.count[x] = 1.0;
         strip.measured |= 1 << x;
     }
 
@@ -374,20 +373,21 @@ impl Discs {
     /// A row of the discs, from x to −x columns east of their middles and y north.
     #[inline(always)]
     fn meet(&mut self, strip: &Strip, reached: Range<usize>, [mut x, y]: [Lanes; 2]) {
-        let planes = [&strip.elevation, &strip.gap];
-        let [elevations, gaps] = planes.map(|plane| plane[reached.clone()].windows(LANES));
+        let planes = [&strip.elevation, &strip.count];
+        let [elevations, counts] = planes.map(|plane| plane[reached.clone()].windows(LANES));
         let mut row = Row::default();
-        for (z, gap) in elevations.zip(gaps) {
-            let [z, gap] = [z, gap].map(lanes);
-            let count = gap.simd_eq(Lanes::ZERO) & Lanes::ONE;
+        for (z, count) in elevations.zip(counts) {
+            let [z, count] = [z, count].map(lanes);
+            // what was not measured is neither highest nor lowest
+            let gap = count.simd_eq(Lanes::ZERO) & Lanes::splat(FAR);
             let across = x * count;
             row.count += count;
             row.x += across;
             row.xx += x * across;
             row.z += z;
             row.xz += x * z;
-            self.highest = self.highest.fast_max(z + gap);
-            self.lowest = self.lowest.fast_min(z - gap);
+            self.highest = self.highest.fast_max(z - gap);
+            self.lowest = self.lowest.fast_min(z + gap);
             x += Lanes::ONE;
         }
         self.add(&row, y);
