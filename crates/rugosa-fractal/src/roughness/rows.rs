@@ -14,7 +14,7 @@
 //!
 //! Cost: 5 instructions for each row and offset ([`OFFSETS`](super::OFFSETS)), 45 more for
 //! each of those that has a pair, whether one or eight; bit by bit 30 for each pair. See
-//! `docs/roughness.md`.
+//! `docs/results-roughness.md`.
 //!
 //! Rejected: all 64 cells at each offset with 256-bit vectors chosen at run time, masked (as
 //! fast where everything is measured, four times as slow on a sweep of rings); 32-bit lanes

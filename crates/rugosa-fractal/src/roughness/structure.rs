@@ -19,7 +19,7 @@
 //! samples, bit for bit (test `any_history_equals_a_pass_over_all_pairs`).
 //!
 //! Cost: a changed cell meets 2 × [`OFFSETS`](super::OFFSETS) neighbours, whatever the size
-//! and the history of the map; figures in `docs/roughness.md`. Memory: 400 bytes per tile
+//! and the history of the map; figures in `docs/results-roughness.md`. Memory: 400 bytes per tile
 //! and one [`Block`].
 
 use super::offsets::{LAGS, REACH, offsets};
