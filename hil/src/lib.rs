@@ -36,7 +36,7 @@ pub use listener::Listener;
 pub use log::{Entry, Log};
 pub use recorded::split;
 pub use scene::Scene;
-pub use schedule::{Lateness, Schedule};
+pub use schedule::{ATTENDED_US, Lateness, Schedule};
 pub use sent_map::{Extent, Sent, SentMap};
 pub use summary::{Lines, Parity, Summary};
 pub use twin::Twin;
