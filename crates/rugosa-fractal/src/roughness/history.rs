@@ -206,6 +206,29 @@ fn rows_equal_single_pairs() {
     assert!(run(&steep) > 10);
 }
 
+/// The greatest sums that 32 bits hold: a wall of the greatest relief for which rows are summed
+/// as vectors, its samples as far apart as they can be, the variances saturated.
+#[test]
+fn the_greatest_relief_does_not_overflow() {
+    let side = SIDE as i32;
+    let cells = (0..side * side).map(|i| (i % side, i / side));
+    for (low, high) in [(0, 6_500), (-3_250, 3_250), (-3_250, 3_251)] {
+        for wall in [8, 16, 24] {
+            let upper = |at: i32| at >= wall;
+            let eastward = |(x, y)| match upper(x) {
+                true => Act::Put(x, y, high, u16::MAX, 32, 32),
+                false => Act::Put(x, y, low, u16::MAX, -32, -32),
+            };
+            let northward = |(x, y)| match upper(y) {
+                true => Act::Put(x, y, low, u16::MAX, 32, 32),
+                false => Act::Put(x, y, high, u16::MAX, -32, -32),
+            };
+            assert!(run(&cells.clone().map(eastward).collect::<Vec<_>>()) > 10);
+            assert!(run(&cells.clone().map(northward).collect::<Vec<_>>()) > 10);
+        }
+    }
+}
+
 #[test]
 fn an_emptied_map_has_no_pairs() {
     let acts = [
