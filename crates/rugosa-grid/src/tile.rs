@@ -4,7 +4,9 @@
 //! stands. A window of 8 k + 1 cells touches exactly k + 1 tiles per axis at every
 //! position, so the tiles live in a ring of their own.
 
+use crate::sample::Sample;
 use crate::window::{Cell, Window};
+use core::array::from_fn;
 
 /// Cells per edge of a tile.
 pub const TILE: i32 = 8;
@@ -55,7 +57,7 @@ impl Tile {
     /// assert_eq!([around[0], around[2], around[4]], [Tile::new(4, 6), Tile::new(6, 6), Tile::new(5, 7)]);
     /// ```
     pub fn around(self) -> [Tile; 9] {
-        core::array::from_fn(|i| {
+        from_fn(|i| {
             let (x, y) = (i as i32 % 3 - 1, i as i32 / 3 - 1);
             Tile::new(self.x.wrapping_add(x), self.y.wrapping_add(y))
         })
@@ -63,8 +65,19 @@ impl Tile {
 
     /// Its 64 cells, row by row, whether the window holds them or not.
     pub fn cells(self) -> impl Iterator<Item = Cell> {
-        let origin = self.origin();
-        (0..TILE * TILE).map(move |i| origin.offset(i % TILE, i / TILE))
+        (0..(TILE * TILE) as usize).map(move |place| self.cell(place))
+    }
+
+    /// Its cell in row `place / 8` and column `place % 8`.
+    ///
+    /// ```
+    /// use rugosa_grid::{Cell, Tile};
+    /// assert_eq!(Tile::new(1, -1).cell(10), Cell::new(10, -7));
+    /// ```
+    #[inline]
+    pub fn cell(self, place: usize) -> Cell {
+        let place = place as i32;
+        self.origin().offset(place % TILE, place / TILE)
     }
 
     /// Those of its cells that `bits` names, row by row.
@@ -77,9 +90,7 @@ impl Tile {
     /// ```
     #[inline]
     pub fn cells_of(self, bits: TileBits) -> impl Iterator<Item = Cell> {
-        let origin = self.origin();
-        let places = places_of(bits).map(|place| place as i32);
-        places.map(move |i| origin.offset(i % TILE, i / TILE))
+        places_of(bits).map(move |place| self.cell(place))
     }
 }
 
@@ -97,6 +108,67 @@ pub fn places_of(mut bits: u64) -> impl Iterator<Item = usize> {
             place
         })
     })
+}
+
+/// Where the 64 cells of a tile live in a plane of the elements of a window: each slot is
+/// the sum of a part of the row and one of the column, and lies beyond all planes where the
+/// window does not hold the cell.
+///
+/// ```
+/// use rugosa_grid::{Cell, Sample, Tile, Window, tile::TileSlots};
+/// let window = Window::new(33, Cell::new(-3, 5));
+/// let slots = TileSlots::of(&window, Tile::new(-1, 0)); // cells −8 … −1 × 0 … 7
+/// let (outside, inside) = (slots.row(4).nth(7), slots.row(5).nth(7));
+/// assert!(outside > Some(33 * 33));
+/// assert_eq!(inside, window.slot(Cell::new(-1, 5)));
+/// assert_eq!(Some(slots.slot(8 * 5 + 7)), inside);
+///
+/// let mut samples = [Sample::UNKNOWN; 33 * 33];
+/// samples[slots.slot(8 * 5 + 7)] = Sample::measured(0, 0, 0, 0, 0);
+/// assert_eq!(slots.measured(&samples), 1 << (8 * 5 + 7));
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct TileSlots {
+    rows: [usize; TILE as usize],
+    columns: [usize; TILE as usize],
+}
+
+impl TileSlots {
+    /// Those of `tile` in `window`.
+    pub fn of(window: &Window, tile: Tile) -> Self {
+        let corner = tile.origin();
+        let part = |part: Option<usize>| part.unwrap_or(usize::MAX / 2);
+        let near = |i: usize| corner.offset(i as i32, i as i32);
+        TileSlots {
+            rows: from_fn(|i| part(window.row_part(near(i).y))),
+            columns: from_fn(|i| part(window.column_part(near(i).x))),
+        }
+    }
+
+    /// That of the cell in row `place / 8` and column `place % 8`, `place` below 64.
+    #[inline(always)]
+    pub fn slot(&self, place: usize) -> usize {
+        const LAST: usize = TILE as usize - 1;
+        self.rows[place / TILE as usize & LAST] + self.columns[place & LAST]
+    }
+
+    /// Those of the cells of a row.
+    ///
+    /// # Panics
+    /// If there is no such row.
+    #[inline(always)]
+    pub fn row(&self, row: usize) -> impl Iterator<Item = usize> {
+        let start = self.rows[row];
+        self.columns.iter().map(move |column| start + column)
+    }
+
+    /// Which of the cells are measured. 8 instructions for each.
+    pub fn measured(&self, samples: &[Sample]) -> TileBits {
+        let is_measured = |slot| samples.get(slot).is_some_and(Sample::is_measured);
+        (0..64).fold(0, |bits, place| {
+            bits | TileBits::from(is_measured(self.slot(place))) << place
+        })
+    }
 }
 
 /// The square of tiles that a window touches.

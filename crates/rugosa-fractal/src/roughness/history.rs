@@ -195,7 +195,7 @@ proptest! {
 }
 
 #[test]
-fn rows_equal_single_pairs() {
+fn blocks_equal_single_pairs() {
     let level: Vec<_> = (0..20)
         .map(|i| Act::Patch(i % 5 * 7, i / 5 * 6, 50 * i as i16))
         .collect();

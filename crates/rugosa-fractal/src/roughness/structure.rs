@@ -14,7 +14,8 @@
 //! empty, so its slot in the ring can serve another tile.
 //!
 //! Where only a few samples within a tile's reach change, single pairs are taken out and added;
-//! from [`ROW_WISE_FROM`] changes on, the tile is recomputed row by row at the commit. Both
+//! from a number of changes on, which grows with the measured cells, the tile is recomputed at
+//! the commit in one pass. Both
 //! give the same integers; after any history they equal those of a pass over the current
 //! samples, bit for bit (test `any_history_equals_a_pass_over_all_pairs`).
 //!
@@ -22,14 +23,24 @@
 //! and the history of the map; figures in `docs/results-roughness.md`. Memory: 400 bytes per tile
 //! and one [`Block`].
 
+use super::block::Block;
 use super::offsets::{LAGS, REACH, offsets};
-use super::rows::Block;
 use super::sums::{LagSums, TileSums};
+use rugosa_grid::tile::{TileSlots, places_of};
 use rugosa_grid::{Cell, Sample, TILE, Tile, TileBits, Tiles, Window};
 
-/// So many changed samples in a tile and those that its pairs reach into make the row-wise pass
-/// the cheaper one. The choice depends on the machine (vector instructions), the result does not.
-pub const ROW_WISE_FROM: u16 = if cfg!(target_arch = "arm") { 20 } else { 48 };
+/// Are so many changed samples, in a tile with so many measured cells and in those that its
+/// pairs reach into, cheaper by a pass over the tile? The choice depends on the machine (vector
+/// instructions), the result does not.
+#[inline]
+fn is_pass_cheaper(changes: u16, measured: TileBits) -> bool {
+    let (few, per_cell) = if cfg!(target_arch = "arm") {
+        (20, 0)
+    } else {
+        (24, 6)
+    };
+    changes >= few && u32::from(changes) >= u32::from(few) + per_cell * measured.count_ones() / 4
+}
 
 /// What a commit did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -105,7 +116,7 @@ impl<'m> StructureFunction<'m> {
         let own = &mut self.tiles[own];
         let pending = old.is_measured() && !old.is_counted();
         own.changes = own.changes.saturating_add(u16::from(!pending));
-        own.stale |= own.changes >= ROW_WISE_FROM;
+        own.stale |= is_pass_cheaper(own.changes, own.measured);
         if old.is_counted() {
             let around = Surroundings::of(&tiles, Tile::of(cell));
             around.each(self.tiles, |near| near.changed = true);
@@ -123,6 +134,7 @@ impl<'m> StructureFunction<'m> {
     /// Adds the pairs of all samples that are measured and not counted, and marks them.
     pub fn commit(&mut self, window: &Window, samples: &mut [Sample]) -> Committed {
         let mut done = Committed::default();
+        self.block.forget();
         let tiles = Tiles::of(window);
         let place = |tile| (tile, tiles.slot(tile).unwrap_or_default());
         for (tile, slot) in tiles.tiles().map(place) {
@@ -145,45 +157,38 @@ impl<'m> StructureFunction<'m> {
     /// Notes which samples of a tile are measured, and in which tiles their pairs are news.
     fn look_at(&mut self, window: &Window, samples: &[Sample], tile: Tile) {
         let around = Surroundings::of(&Tiles::of(window), tile);
-        let is_measured = |cell| {
-            let slot = window.slot(cell);
-            slot.is_some_and(|slot| samples[slot].is_measured())
-        };
         let Some(own) = self.tiles.get_mut(around.slot) else {
             return;
         };
-        own.measured = (tile.cells().enumerate()).fold(0, |bits, (i, cell)| {
-            bits | TileBits::from(is_measured(cell)) << i
-        });
+        own.measured = TileSlots::of(window, tile).measured(samples);
         let changes = own.changes;
         around.each(self.tiles, |near| {
             near.changed = true;
             near.news = near.news.saturating_add(changes);
-            near.stale |= near.news >= ROW_WISE_FROM;
+            near.stale |= is_pass_cheaper(near.news, near.measured);
         });
     }
 
     fn add_pending(&mut self, window: &Window, samples: &mut [Sample], tile: Tile) -> u32 {
         let around = Surroundings::of(&Tiles::of(window), tile).without_stale(self.tiles);
         let is_asked_for = !around.is_empty();
+        let slots = TileSlots::of(window, tile);
         let measured = self.tiles.get(around.slot).map_or(0, |own| own.measured);
         let mut added = 0;
-        for (i, cell) in tile.cells().enumerate() {
-            let Some(slot) = window.slot(cell).filter(|_| measured >> i & 1 > 0) else {
+        for place in places_of(measured) {
+            let slot = slots.slot(place);
+            let Some(sample) = samples.get_mut(slot).filter(|s| !s.is_counted()) else {
                 continue;
             };
-            let sample = samples[slot];
-            if sample.is_counted() {
-                continue;
-            }
+            added += 1;
             if is_asked_for {
+                let (sample, cell) = (*sample, tile.cell(place));
                 let neighbours = Neighbours::of(window, cell);
                 self.each_pair(&around, &neighbours, samples, &sample, |sums, pair| {
                     *sums += pair
                 });
             }
             samples[slot].set_counted(true);
-            added += 1;
         }
         added
     }

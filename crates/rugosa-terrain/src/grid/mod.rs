@@ -40,6 +40,7 @@ pub use fuse::{Fused, Point, Tally, View};
 pub use save::SavedCell;
 
 use cell::Gate;
+use rugosa_grid::tile::TileSlots;
 use rugosa_grid::{Cell, Lattice, Sample, State, Tile, TileBits, Window};
 
 /// The elevation grid; `'m` is the life of the lent planes.
@@ -275,14 +276,7 @@ impl<'m> ElevationGrid<'m> {
 
     /// Which cells of a tile are measured.
     pub fn measured(&self, tile: Tile) -> TileBits {
-        let is_measured = |cell| {
-            let slot = self.window.slot(cell);
-            slot.is_some_and(|slot| self.samples[slot].is_measured())
-        };
-        let cells = tile.cells().enumerate();
-        cells.fold(0, |bits, (i, cell)| {
-            bits | TileBits::from(is_measured(cell)) << i
-        })
+        TileSlots::of(&self.window, tile).measured(self.samples)
     }
 
     /// Elevation \[m\] and its variance \[m²\] of the measured cell in a slot of the window.

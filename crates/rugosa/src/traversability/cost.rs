@@ -3,6 +3,7 @@
 use super::Limits;
 use super::features::{Around, Features, Patch};
 use rugosa_fractal::roughness::Roughness;
+use rugosa_grid::tile::TileSlots;
 use rugosa_grid::{Cell, State, TILE, Tile, TileBits, Window, math};
 use rugosa_terrain::ElevationGrid;
 
@@ -160,7 +161,7 @@ impl Judging<'_, '_> {
         roughness: Option<&Roughness>,
         measured: &[TileBits; 9],
     ) -> bool {
-        let slots = Slots::of(self.grid.window(), tile);
+        let slots = TileSlots::of(self.grid.window(), tile);
         if measured[4] == 0 {
             return (0..TILE as usize)
                 .fold(false, |changed, row| self.put(&slots, row, &NONE) | changed);
@@ -178,7 +179,7 @@ impl Judging<'_, '_> {
     }
 
     /// Puts the costs of a row of a tile where it is measured; true where one changed.
-    fn put(&mut self, slots: &Slots, row: usize, costs: &RowCosts) -> bool {
+    fn put(&mut self, slots: &TileSlots, row: usize, costs: &RowCosts) -> bool {
         let mut changed = false;
         for (measured, slot) in costs.iter().zip(slots.row(row)) {
             let Some(held) = self.plane.get_mut(slot) else {
@@ -198,31 +199,6 @@ impl Judging<'_, '_> {
 /// Costs of the measured cells of a row of a tile.
 type RowCosts = [Option<CellCost>; TILE as usize];
 const NONE: RowCosts = [None; TILE as usize];
-
-/// Where the cells of a tile lie in the planes of a map: the sum of a part of the row and one
-/// of the column, beyond all planes where the map does not hold the cell.
-struct Slots {
-    rows: [usize; TILE as usize],
-    columns: [usize; TILE as usize],
-}
-
-impl Slots {
-    fn of(window: &Window, tile: Tile) -> Self {
-        let Cell { x, y } = tile.origin();
-        let part = |part: Option<usize>| part.unwrap_or(usize::MAX / 2);
-        Slots {
-            rows: core::array::from_fn(|i| part(window.row_part(y.wrapping_add(i as i32)))),
-            columns: core::array::from_fn(|i| part(window.column_part(x.wrapping_add(i as i32)))),
-        }
-    }
-
-    /// Slots of the cells of a row.
-    #[inline(always)]
-    fn row(&self, row: usize) -> impl Iterator<Item = usize> {
-        let start = self.rows[row];
-        self.columns.iter().map(move |column| start + column)
-    }
-}
 
 /// The limits with what is the same for all cells of a tile.
 struct Judge<'a> {
