@@ -149,7 +149,7 @@ impl TileSlots {
     #[inline(always)]
     pub fn slot(&self, place: usize) -> usize {
         const LAST: usize = TILE as usize - 1;
-        self.rows[place / TILE as usize & LAST] + self.columns[place & LAST]
+        self.rows[(place / TILE as usize) & LAST] + self.columns[place & LAST]
     }
 
     /// Those of the cells of a row.

@@ -132,13 +132,11 @@ impl Mapper<'_> {
         let grid = self.grid();
         let measured = tile.around().map(|near| grid.measured(near));
         patch.fill(grid, tile, around.margin(), &measured);
-        core::array::from_fn(|row| {
-            let mut features = [None; TILE as usize];
-            patch.row(row, &around, &mut |column, of_cell| {
-                features[column] = Some(of_cell);
-            });
-            features
-        })
+        let mut features = [[None; TILE as usize]; TILE as usize];
+        patch.each_cell(&around, &mut |place, of_cell| {
+            features[place / TILE as usize][place % TILE as usize] = Some(of_cell);
+        });
+        features
     }
 
     /// Fills a plane of `side²` values of a layer, row by row from the south-west corner;

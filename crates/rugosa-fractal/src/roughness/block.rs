@@ -169,7 +169,7 @@ impl Block {
             plane.copy_within(LANES.., 0);
         }
         self.rows = self.rows.map(|row| row >> LANES);
-        self.extents.rotate_left(1);
+        self.extents.copy_within(1.., 0);
     }
 
     fn put_tile(
@@ -290,9 +290,6 @@ fn add_pairs(sums: &mut LagSums, lower: &Partners, upper: &Partners, pairs: Tile
         );
     }
 }
-
-/// The bits of a row of a tile.
-const ALL: u64 = (1 << LANES) - 1;
 
 /// Which places of a block hold a sample: for each column, and each row, those of the next
 /// eight columns.

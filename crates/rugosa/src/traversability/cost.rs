@@ -162,26 +162,23 @@ impl Judging<'_, '_> {
         measured: &[TileBits; 9],
     ) -> bool {
         let slots = TileSlots::of(self.grid.window(), tile);
-        if measured[4] == 0 {
-            return (0..TILE as usize)
-                .fold(false, |changed, row| self.put(&slots, row, &NONE) | changed);
-        }
-        let around = Around::new(self.grid.lattice().resolution(), self.limits, roughness);
-        let judge = Judge::new(self.limits, roughness);
-        self.patch.fill(self.grid, tile, around.margin(), measured);
-        (0..TILE as usize).fold(false, |changed, row| {
-            let mut costs = NONE;
-            self.patch.row(row, &around, &mut |column, features| {
-                costs[column] = Some(judge.cost(&features));
+        let mut costs = [None; CELLS];
+        if measured[4] != 0 {
+            let around = Around::new(self.grid.lattice().resolution(), self.limits, roughness);
+            let judge = Judge::new(self.limits, roughness);
+            self.patch.fill(self.grid, tile, around.margin(), measured);
+            self.patch.each_cell(&around, &mut |place, features| {
+                costs[place] = Some(judge.cost(&features));
             });
-            self.put(&slots, row, &costs) | changed
-        })
+        }
+        self.put(&slots, &costs)
     }
 
-    /// Puts the costs of a row of a tile where it is measured; true where one changed.
-    fn put(&mut self, slots: &TileSlots, row: usize, costs: &RowCosts) -> bool {
+    /// Puts the costs of a tile where it is measured; true where one changed.
+    fn put(&mut self, slots: &TileSlots, costs: &[Option<CellCost>; CELLS]) -> bool {
         let mut changed = false;
-        for (measured, slot) in costs.iter().zip(slots.row(row)) {
+        for (place, measured) in costs.iter().enumerate() {
+            let slot = slots.slot(place);
             let Some(held) = self.plane.get_mut(slot) else {
                 continue;
             };
@@ -196,9 +193,8 @@ impl Judging<'_, '_> {
     }
 }
 
-/// Costs of the measured cells of a row of a tile.
-type RowCosts = [Option<CellCost>; TILE as usize];
-const NONE: RowCosts = [None; TILE as usize];
+/// Cells of a tile.
+const CELLS: usize = (TILE * TILE) as usize;
 
 /// The limits with what is the same for all cells of a tile.
 struct Judge<'a> {

@@ -33,7 +33,6 @@
 //! a branch that the processor cannot foresee).
 
 use super::Limits;
-use core::ops::Range;
 use rugosa_fractal::roughness::Roughness;
 use rugosa_grid::tile::places_of;
 use rugosa_grid::{TILE, Tile, TileBits, math};
@@ -48,6 +47,8 @@ pub const REACH: i32 = 8;
 /// Keeps variances positive \[m²\].
 const TINY: f32 = 1e-12;
 
+/// Cells along an edge of a tile.
+const EDGE: usize = TILE as usize;
 /// Side of a tile with its margin.
 const SIDE: usize = (TILE + 2 * REACH) as usize;
 
@@ -105,6 +106,8 @@ pub(crate) struct Around {
     rows: [u32; REACH as usize + 1],
     /// half the width of its rows
     widths: [i32; REACH as usize + 1],
+    /// where its cells begin in [`FARTHEST_FIRST`]
+    first: usize,
     /// σ² d^{2H} by squared distance in cells; 0 where the roughness is not known
     hidden: [f32; SQUARES],
 }
@@ -114,10 +117,12 @@ impl Around {
     pub(crate) fn new(resolution: f32, limits: &Limits, roughness: Option<&Roughness>) -> Self {
         let radius = disc(limits.window / resolution);
         let (mut rows, mut widths) = ([0; REACH as usize + 1], [0; REACH as usize + 1]);
+        let mut first = DISC;
         for y in 0..=radius {
             for x in (-radius..=radius).filter(|&x| is_within(radius, x, y)) {
                 rows[y as usize] |= 1 << (x + radius);
                 widths[y as usize] = x;
+                first -= if y == 0 { 1 } else { 2 };
             }
         }
         Around {
@@ -126,6 +131,7 @@ impl Around {
             limit: limits.step.critical,
             rows,
             widths,
+            first,
             hidden: variances(resolution, radius, roughness),
         }
     }
@@ -164,6 +170,29 @@ impl Strip {
         count: [0.0; SIDE],
         measured: 0,
     };
+
+    /// Is a cell measured of four at a column and those `width` to both sides of them?
+    #[inline(always)]
+    fn is_measured(&self, column: usize, width: usize) -> bool {
+        self.measured >> (column - width) & ((1 << (2 * width + LANES)) - 1) != 0
+    }
+
+    /// The sums for the four cells at a column, by the width of the row of a disc.
+    #[inline(always)]
+    fn sum(&self, column: usize, sums: &mut [Row]) {
+        let seen = |column: usize| Seen {
+            count: lanes(&self.count[column..]),
+            z: lanes(&self.elevation[column..]),
+        };
+        let mut row = Row::of(seen(column));
+        for (width, sum) in sums.iter_mut().enumerate() {
+            if width > 0 {
+                let x = Lanes::splat(width as f32);
+                row.widen(x, seen(column - width), seen(column + width));
+            }
+            *sum = row;
+        }
+    }
 
     fn empty(&mut self) {
         (self.elevation, self.count) = (Strip::EMPTY.elevation, Strip::EMPTY.count);
@@ -226,60 +255,127 @@ impl Patch {
         strip.measured |= 1 << x;
     }
 
-    /// Calls `each` with the column and the features of each measured cell of one row of the
-    /// tile.
-    pub(crate) fn row(&self, row: usize, around: &Around, each: &mut dyn FnMut(usize, Features)) {
-        let row = row + REACH as usize;
-        for first in (0..TILE as usize).step_by(LANES) {
-            let column = first + REACH as usize;
-            let measured = self.strips[row].measured >> column & ALL_LANES;
-            if measured == 0 {
-                continue;
-            }
-            let discs = Discs::new(self, [row, column], around);
-            let squares = discs.gradient_squares(around.resolution).to_array();
-            let steps = discs
-                .steps(lanes(&self.strips[row].elevation[column..]))
-                .to_array();
-            for lane in places_of(u64::from(measured)) {
-                let place = [row, column + lane];
+    /// Calls `each` with the place in the tile (8 row + column) and the features of each
+    /// measured cell.
+    pub(crate) fn each_cell(&self, around: &Around, each: &mut dyn FnMut(usize, Features)) {
+        let unseen = core::array::from_fn(|row| self.farthest_unseen(row, around));
+        for first in (0..EDGE).step_by(LANES) {
+            self.each_of_four(first, around, &unseen, each);
+        }
+    }
+
+    /// The same for four columns; `unseen` holds the squared distances of the farthest cells
+    /// that are not measured.
+    fn each_of_four(
+        &self,
+        first: usize,
+        around: &Around,
+        unseen: &[[u8; EDGE]; EDGE],
+        each: &mut dyn FnMut(usize, Features),
+    ) {
+        let column = first + REACH as usize;
+        let measured: [u32; EDGE] =
+            core::array::from_fn(|row| self.strip_of(row).measured >> column & ALL_LANES);
+        if measured == [0; EDGE] {
+            return;
+        }
+        let discs = self.discs(column, around, &measured);
+        for (row, disc) in discs
+            .iter()
+            .enumerate()
+            .filter(|(row, _)| measured[*row] != 0)
+        {
+            let own = self.strip_of(row);
+            let squares = disc.gradient_squares(around.resolution).to_array();
+            let steps = disc.steps(lanes(&own.elevation[column..])).to_array();
+            for lane in places_of(u64::from(measured[row])) {
+                let place = [row + REACH as usize, column + lane];
                 let features = Features {
                     slope: math::atan2(math::sqrt(squares[lane]), 1.0),
                     step: steps[lane],
-                    hidden_step: self.hidden_step(place, around, steps[lane]),
-                    uncertainty: math::sqrt(self.strips[row].variance[place[1]]),
+                    hidden_step: self.hidden_step(
+                        place,
+                        around,
+                        steps[lane],
+                        around.hidden[usize::from(unseen[row][first + lane])],
+                    ),
+                    uncertainty: math::sqrt(own.variance[place[1]]),
                 };
-                each(first + lane, features);
+                each(EDGE * row + first + lane, features);
             }
         }
     }
 
-    /// The greatest chance that a step hides at a cell whose highest step is this one.
+    /// The strip of a row of the tile.
     #[inline(always)]
-    fn hidden_step(&self, place: [usize; 2], around: &Around, step: f32) -> f32 {
+    fn strip_of(&self, row: usize) -> &Strip {
+        &self.strips[row + REACH as usize]
+    }
+
+    /// What the discs around four cells of each row add up to, where there are `measured`
+    /// ones: every strip is summed once and given to all rows that it is near to.
+    #[inline(always)]
+    fn discs(&self, column: usize, around: &Around, measured: &[u32; EDGE]) -> [Discs; EDGE] {
+        let mut discs = [Discs::EMPTY; EDGE];
+        let mut sums = [Row::EMPTY; REACH as usize + 1];
+        let radius = around.radius as usize;
+        for (y, strip) in self.strips.iter().enumerate() {
+            if !strip.is_measured(column, radius) {
+                continue;
+            }
+            let rows = (y.saturating_sub(radius + REACH as usize))
+                ..(y + radius + 1).saturating_sub(REACH as usize).min(EDGE);
+            let mut is_summed = false;
+            for row in rows.filter(|&row| measured[row] != 0) {
+                let dy = y as i32 - row as i32 - REACH;
+                let width = around.widths[dy.unsigned_abs() as usize] as usize;
+                if strip.is_measured(column, width) {
+                    if !is_summed {
+                        strip.sum(column, &mut sums[..=radius]);
+                        is_summed = true;
+                    }
+                    discs[row].add(&sums[width], Lanes::splat(dy as f32));
+                }
+            }
+        }
+        discs
+    }
+
+    /// Squared distances of the farthest cells of the discs around the measured cells of a row
+    /// that are not measured; 0 where all are.
+    fn farthest_unseen(&self, row: usize, around: &Around) -> [u8; EDGE] {
+        let mut farthest = [0; EDGE];
+        let mut asked = self.strip_of(row).measured >> REACH & ((1 << EDGE) - 1);
+        for &(x, y) in &FARTHEST_FIRST[around.first..] {
+            if asked == 0 {
+                break;
+            }
+            let strip = &self.strips[(row as i32 + REACH + i32::from(y)) as usize];
+            let unseen = asked & !(strip.measured >> (REACH + i32::from(x)));
+            asked &= !unseen;
+            for column in places_of(u64::from(unseen)) {
+                farthest[column] = square(x, y);
+            }
+        }
+        farthest
+    }
+
+    /// The greatest chance that a step hides at a cell whose highest step is this one, where
+    /// what was not seen varies by `unseen`.
+    #[inline(always)]
+    fn hidden_step(&self, place: [usize; 2], around: &Around, step: f32, unseen: f32) -> f32 {
         let (own, limit) = (self.strips[place[0]].variance[place[1]], around.limit);
-        let unseen = self.farthest_unseen(place, around) as usize;
         let mut worst = Worst {
             margin: limit * limit,
-            spread: own + around.hidden[unseen],
+            spread: own + unseen,
         };
-        let rest = limit - step;
         // no neighbour's quotient is less than this one
-        if rest < 0.0 || worst.is_less(rest * rest, own + self.variance) {
+        let (rest, spread) = (limit - step, own + self.variance);
+        let least = rest * math::abs(rest);
+        if worst.is_less(least, spread) && !is_beyond_doubt(least, spread) {
             self.ask_neighbours(place, around, &mut worst);
         }
         exceeds(worst.margin, worst.spread, limit)
-    }
-
-    /// Squared distance of the farthest cell of the disc that is not measured; 0 if all are.
-    #[inline(always)]
-    fn farthest_unseen(&self, [row, column]: [usize; 2], around: &Around) -> i32 {
-        let (radius, left) = (around.radius, column - around.radius as usize);
-        let rows = &self.strips[row - radius as usize..][..2 * radius as usize + 1];
-        rows.iter().zip(-radius..).fold(0, |farthest, (strip, y)| {
-            let disc = around.rows[y.unsigned_abs() as usize];
-            farthest.max(farthest_square(disc & !(strip.measured >> left), radius, y))
-        })
     }
 
     fn ask_neighbours(&self, [row, column]: [usize; 2], around: &Around, worst: &mut Worst) {
@@ -297,14 +393,43 @@ impl Patch {
     }
 }
 
-/// Squared distance of the farthest of some cells of row `y`; 0 if there is none.
-#[inline(always)]
-fn farthest_square(bits: u32, radius: i32, y: i32) -> i32 {
-    let left = radius - (bits | 1 << 31).trailing_zeros() as i32;
-    let right = 31 - (bits | 1).leading_zeros() as i32 - radius;
-    let x = left.max(right);
-    // without a branch: which cells were seen is hard to foresee
-    (x * x + y * y) * i32::from(bits != 0)
+/// The cells of the greatest disc, without its middle, the farthest first.
+static FARTHEST_FIRST: [(i8, i8); DISC] = farthest_first();
+const DISC: usize = cells_within(SQUARES as i32 - 1);
+
+const fn square(x: i8, y: i8) -> u8 {
+    (x as i32 * x as i32 + y as i32 * y as i32) as u8
+}
+
+/// How many cells lie at most √`most` from another one.
+const fn cells_within(most: i32) -> usize {
+    let (mut count, mut i) = (0, 0);
+    while i < (2 * REACH + 1) * (2 * REACH + 1) {
+        let (x, y) = (i % (2 * REACH + 1) - REACH, i / (2 * REACH + 1) - REACH);
+        let square = x * x + y * y;
+        count += (1 <= square && square <= most) as usize;
+        i += 1;
+    }
+    count
+}
+
+const fn farthest_first() -> [(i8, i8); DISC] {
+    let mut cells = [(0, 0); DISC];
+    let (mut at, mut wanted) = (0, SQUARES as u8 - 1);
+    while wanted > 0 {
+        let mut i = 0;
+        while i < (2 * REACH + 1) * (2 * REACH + 1) {
+            let x = (i % (2 * REACH + 1) - REACH) as i8;
+            let y = (i / (2 * REACH + 1) - REACH) as i8;
+            if square(x, y) == wanted {
+                cells[at] = (x, y);
+                at += 1;
+            }
+            i += 1;
+        }
+        wanted -= 1;
+    }
+    cells
 }
 
 /// Radius in whole cells, 1 … [`REACH`].
@@ -324,75 +449,92 @@ fn lanes(four: &[f32]) -> Lanes {
     Lanes::from(four.first_chunk::<LANES>().copied().unwrap_or_default())
 }
 
-/// What the measured cells of a row of the disc add up to, for four cells.
-#[derive(Default)]
+/// What the measured cells of a strip, as far as a row of the disc reaches, add up to, for
+/// four cells.
+#[derive(Clone, Copy)]
 struct Row {
     count: Lanes,
     x: Lanes,
     xx: Lanes,
     z: Lanes,
     xz: Lanes,
+    /// elevation
+    highest: Lanes,
+    lowest: Lanes,
+}
+
+impl Row {
+    const EMPTY: Row = Row {
+        count: Lanes::ZERO,
+        x: Lanes::ZERO,
+        xx: Lanes::ZERO,
+        z: Lanes::ZERO,
+        xz: Lanes::ZERO,
+        highest: Lanes::splat(-FAR),
+        lowest: Lanes::splat(FAR),
+    };
+
+    /// The middle alone.
+    #[inline(always)]
+    fn of(middle: Seen) -> Self {
+        let mut row = Row {
+            count: middle.count,
+            z: middle.z,
+            ..Row::EMPTY
+        };
+        row.meet(middle);
+        row
+    }
+
+    /// Adds the cells x columns to the west and to the east.
+    #[inline(always)]
+    fn widen(&mut self, x: Lanes, west: Seen, east: Seen) {
+        let (count, z) = (west.count + east.count, west.z + east.z);
+        self.count += count;
+        self.x += x * (east.count - west.count);
+        self.xx += x * x * count;
+        self.z += z;
+        self.xz += x * (east.z - west.z);
+        self.meet(west);
+        self.meet(east);
+    }
+
+    #[inline(always)]
+    fn meet(&mut self, seen: Seen) {
+        // what was not measured is neither highest nor lowest
+        let gap = seen.count.simd_eq(Lanes::ZERO) & Lanes::splat(FAR);
+        self.highest = self.highest.fast_max(seen.z - gap);
+        self.lowest = self.lowest.fast_min(seen.z + gap);
+    }
+}
+
+/// Four cells of a strip.
+#[derive(Clone, Copy)]
+struct Seen {
+    count: Lanes,
+    z: Lanes,
 }
 
 /// What the measured cells of the disc, its middle among them, add up to, for four cells.
+#[derive(Clone, Copy)]
 struct Discs {
     row: Row,
     y: Lanes,
     xy: Lanes,
     yy: Lanes,
     yz: Lanes,
-    /// elevation
-    highest: Lanes,
-    lowest: Lanes,
 }
 
 impl Discs {
-    /// Around the cells at `column` and the next three of `row`.
-    #[inline(always)]
-    fn new(patch: &Patch, [row, column]: [usize; 2], around: &Around) -> Self {
-        let mut discs = Discs {
-            row: Row::default(),
-            y: Lanes::ZERO,
-            xy: Lanes::ZERO,
-            yy: Lanes::ZERO,
-            yz: Lanes::ZERO,
-            highest: Lanes::splat(-FAR),
-            lowest: Lanes::splat(FAR),
-        };
-        let rows = &patch.strips[row - around.radius as usize..][..2 * around.radius as usize + 1];
-        for (strip, y) in rows.iter().zip(-around.radius..) {
-            let width = around.widths[y.unsigned_abs() as usize];
-            let reached = column - width as usize..column + width as usize + LANES;
-            if strip.measured >> reached.start & ((1 << reached.len()) - 1) != 0 {
-                discs.meet(strip, reached, [-width, y].map(|i| Lanes::splat(i as f32)));
-            }
-        }
-        discs
-    }
+    const EMPTY: Discs = Discs {
+        row: Row::EMPTY,
+        y: Lanes::ZERO,
+        xy: Lanes::ZERO,
+        yy: Lanes::ZERO,
+        yz: Lanes::ZERO,
+    };
 
-    /// A row of the discs, from x to −x columns east of their middles and y north.
-    #[inline(always)]
-    fn meet(&mut self, strip: &Strip, reached: Range<usize>, [mut x, y]: [Lanes; 2]) {
-        let planes = [&strip.elevation, &strip.count];
-        let [elevations, counts] = planes.map(|plane| plane[reached.clone()].windows(LANES));
-        let mut row = Row::default();
-        for (z, count) in elevations.zip(counts) {
-            let [z, count] = [z, count].map(lanes);
-            // what was not measured is neither highest nor lowest
-            let gap = count.simd_eq(Lanes::ZERO) & Lanes::splat(FAR);
-            let across = x * count;
-            row.count += count;
-            row.x += across;
-            row.xx += x * across;
-            row.z += z;
-            row.xz += x * z;
-            self.highest = self.highest.fast_max(z - gap);
-            self.lowest = self.lowest.fast_min(z + gap);
-            x += Lanes::ONE;
-        }
-        self.add(&row, y);
-    }
-
+    /// Adds a row of the discs, y north of their middles.
     #[inline(always)]
     fn add(&mut self, row: &Row, y: Lanes) {
         let up = y * row.count;
@@ -401,6 +543,8 @@ impl Discs {
         self.row.xx += row.xx;
         self.row.z += row.z;
         self.row.xz += row.xz;
+        self.row.highest = self.row.highest.fast_max(row.highest);
+        self.row.lowest = self.row.lowest.fast_min(row.lowest);
         self.y += up;
         self.yy += y * up;
         self.xy += y * row.x;
@@ -416,6 +560,7 @@ impl Discs {
             xx,
             z,
             xz,
+            ..
         } = &self.row;
         let share = Lanes::ONE / *count;
         let (mean_x, mean_y) = (*x * share, self.y * share);
@@ -434,7 +579,7 @@ impl Discs {
     /// Greatest differences of elevation to the cells.
     #[inline(always)]
     fn steps(&self, own: Lanes) -> Lanes {
-        (self.highest - own).fast_max(own - self.lowest)
+        (self.row.highest - own).fast_max(own - self.row.lowest)
     }
 }
 
@@ -461,9 +606,18 @@ impl Worst {
     }
 }
 
+/// Is a chance less than 10⁻⁸, x = √(margin / 2 s²) being more than 4?
+#[inline(always)]
+fn is_beyond_doubt(margin: f32, spread: f32) -> bool {
+    margin > 32.0 * spread
+}
+
 /// P(|Δ| > limit) for Δ ~ N(mean, variance), where `margin` is (limit − mean) |limit − mean|;
 /// 0 below 10⁻⁸.
 fn exceeds(margin: f32, variance: f32, limit: f32) -> f32 {
+    if is_beyond_doubt(margin, variance) {
+        return 0.0;
+    }
     let rest = math::sqrt(math::abs(margin));
     let mean = if margin < 0.0 {
         limit + rest
@@ -501,9 +655,9 @@ mod tests {
 
     /// Features of a row of the tile; `None` where not measured.
     fn row(patch: &Patch, row: usize, around: &Around) -> [Option<Features>; 8] {
-        let mut features = [None; 8];
-        patch.row(row, around, &mut |column, f| features[column] = Some(f));
-        features
+        let mut features = [None; 64];
+        patch.each_cell(around, &mut |place, f| features[place] = Some(f));
+        *features[8 * row..].first_chunk().unwrap()
     }
 
     fn around(roughness: Option<&Roughness>) -> Around {
