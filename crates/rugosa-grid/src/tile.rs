@@ -100,11 +100,19 @@ impl Tile {
 /// assert!(rugosa_grid::tile::places_of(0b1001_0010).eq([1, 4, 7]));
 /// ```
 #[inline(always)]
-pub fn places_of(mut bits: u64) -> impl Iterator<Item = usize> {
+pub fn places_of(bits: u64) -> impl Iterator<Item = usize> {
+    // word by word, which is all at once on a processor of 64 bits
+    let rest = bits.checked_shr(usize::BITS).unwrap_or(0) as usize;
+    let rest = places_in(rest).map(|place| place + usize::BITS as usize);
+    places_in(bits as usize).chain(rest)
+}
+
+#[inline(always)]
+fn places_in(mut word: usize) -> impl Iterator<Item = usize> {
     core::iter::from_fn(move || {
-        (bits != 0).then(|| {
-            let place = bits.trailing_zeros() as usize;
-            bits &= bits - 1;
+        (word != 0).then(|| {
+            let place = word.trailing_zeros() as usize;
+            word &= word - 1;
             place
         })
     })

@@ -87,7 +87,7 @@ impl Block {
             north: [0; CELLS],
             variance: [0; CELLS],
             rows: [0; HEIGHT],
-            extents: [LEVEL; ACROSS],
+            extents: [[0; 2]; ACROSS],
             held: None,
         }
     }
@@ -208,6 +208,7 @@ impl Block {
     }
 
     /// The sums of a lag, by rows where an offset has `many` pairs or more.
+    #[inline(never)] // eight times would be too much flash
     fn lag(&self, lag: usize, known: &Known, many: u32) -> LagSums {
         let (own, lower) = (known.at((0, 0)), self.from((0, 0)));
         let (mut sums, mut lanes) = (LagSums::EMPTY, Lanes::default());
@@ -299,8 +300,10 @@ impl Known {
     fn of(rows: &[u64; HEIGHT]) -> Self {
         let mut known = Known([0; (WIDTH - LANES + 1) * HEIGHT]);
         for (y, &row) in rows.iter().enumerate().filter(|(_, row)| **row != 0) {
-            for (x, column) in known.0.chunks_exact_mut(HEIGHT).enumerate() {
-                column[y] = (row >> x) as u8;
+            let mut row = row;
+            for column in known.0.chunks_exact_mut(HEIGHT) {
+                column[y] = row as u8;
+                row >>= 1;
             }
         }
         known
