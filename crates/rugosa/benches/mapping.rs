@@ -173,11 +173,30 @@ fn print(name: &str, times: &[Times], published: [f64; 2]) {
 
 const SWEEPS: usize = 30;
 
-/// First sweeps on an empty map, and further ones with fresh noise, or the same again.
-fn scene(rings: usize, columns: usize, published: [f64; 2]) {
-    let scans: Vec<_> = (0..SWEEPS as u64)
+fn sweeps(rings: usize, columns: usize) -> Vec<Vec<[f32; 3]>> {
+    (0..SWEEPS as u64)
         .map(|seed| scan(rings, columns, seed))
-        .collect();
+        .collect()
+}
+
+/// Writes the sweeps of both scenes, N x 3 float32 each, for other mappers.
+fn write(folder: &std::path::Path) -> std::io::Result<()> {
+    for (rings, columns) in SCENES {
+        for (i, points) in sweeps(rings, columns).iter().enumerate() {
+            let name = format!("{}_{i:02}.f32", points.len());
+            let bytes = points.as_flattened().iter().flat_map(|v| v.to_le_bytes());
+            std::fs::write(folder.join(name), bytes.collect::<Vec<u8>>())?;
+        }
+    }
+    Ok(())
+}
+
+/// Rings and columns.
+const SCENES: [(usize, usize); 2] = [(60, 500), (125, 1000)];
+
+/// First sweeps on an empty map, and further ones with fresh noise, or the same again.
+fn scene((rings, columns): (usize, usize), published: [f64; 2]) {
+    let scans = sweeps(rings, columns);
     let mut planes = Planes::new(257);
     let first: Vec<Times> = (0..15)
         .map(|_| sweep(&mut planes.mapper(), &scans[0], 0))
@@ -208,6 +227,12 @@ fn scene(rings: usize, columns: usize, published: [f64; 2]) {
 }
 
 fn main() {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    if let [command, folder, ..] = &arguments[..]
+        && command == "write"
+    {
+        return write(folder.as_ref()).unwrap();
+    }
     if let Some(runs) = runs_to_count() {
         let points = scan(60, 500, 1);
         let mut planes = Planes::new(257);
@@ -221,8 +246,8 @@ fn main() {
         "  {:<38} {:>6} {:>8} {:>9} {:>10} {:>7} {:>7} {:>8}",
         "", "new", "mapping", "counters", "roughness", "costs", "(m+c)/F", "(r+c)/F"
     );
-    scene(60, 500, [1.7, 8.6]);
-    scene(125, 1000, [7.6, 14.4]);
+    scene(SCENES[0], [1.7, 8.6]);
+    scene(SCENES[1], [7.6, 14.4]);
     println!("\nthe 30,000 points on maps of other sides: work per point does not grow");
     println!("side  mapping [ns/point]  counters [us/new sample]");
     let points = scan(60, 500, 1);
