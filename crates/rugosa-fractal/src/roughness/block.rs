@@ -1,25 +1,28 @@
-//! The sums of one tile in one go, row by row.
+//! The sums of one tile in one go.
 //!
 //! The samples of the tile and of the margin that its pairs reach into are unpacked into a
-//! block of separate planes, with a bit for each that is measured. A row of the tile and the
-//! row at one offset then have in common the bits of the one and the shifted bits of the
-//! other; where none is left there is nothing to do, and where some are, the eight
-//! differences are taken at once, in 16 bits, and summed as dot products in 32 bits. The
-//! results are the same integers as those of single pairs (test `rows_equal_single_pairs`):
-//! integer sums do not depend on their order.
+//! block of separate planes, with a bit for each that is measured. The pairs of an offset are
+//! then the bits that the tile has in common with the eight by eight cells at that offset.
+//! Where they are few they are taken one by one. Where they are many, the eight differences of
+//! a row are taken at once, in 16 bits, and summed as dot products in 32 bits. The results are
+//! the same integers either way (test `blocks_equal_single_pairs`): integer sums do not depend
+//! on their order.
 //!
-//! Where the relief of the block exceeds `RELIEF_LIMIT` height steps the partial sums might
-//! overflow, and a processor without vectors gains nothing from them: there the pairs are
-//! visited bit by bit, to the same integers.
+//! Where the relief of the block exceeds `RELIEF_LIMIT` height steps the partial sums of rows
+//! might overflow, and a processor without vectors gains nothing from them: there all pairs
+//! are taken one by one.
 //!
-//! Cost: 5 instructions for each row and offset ([`OFFSETS`](super::OFFSETS)), 45 more for
-//! each of those that has a pair, whether one or eight; bit by bit 30 for each pair. See
-//! `docs/results-roughness.md`.
+//! Tiles are recomputed from west to east, so a block keeps what it shares with the next one.
 //!
-//! Rejected: all 64 cells at each offset with 256-bit vectors chosen at run time, masked (as
-//! fast where everything is measured, four times as slow on a sweep of rings); 32-bit lanes
-//! (twice the instructions; the multiplication of 16-bit pairs that x86 and Arm have is then
-//! not used); one cell's neighbours as a vector (gathers).
+//! Cost on x86-64: 45 instructions for a pair, 600 for the rows of an offset, 20 for each offset
+//! ([`OFFSETS`](super::OFFSETS)), 5,000 for the block. See `docs/results-roughness.md`.
+//!
+//! Rejected: each row of each offset as a vector, if it has a pair (the sweep of a scanner is
+//! mostly gaps: 18.6 instead of 14 million instructions for a first one); samples as records,
+//! four pairs of the list at a time (21 instructions for a pair, but 58 for four neighbours of
+//! a row, which have to be transposed); all 64 cells at each offset with 256-bit vectors chosen
+//! at run time, masked; 32-bit lanes (twice the instructions); one cell's neighbours as a
+//! vector (gathers).
 
 use super::offsets::{LAGS, REACH, offsets};
 use super::sums::LagSums;
@@ -39,7 +42,7 @@ const UP: usize = HEIGHT / LANES;
 
 /// Largest relief of a block for 32-bit sums, in height steps: the most products in a lane
 /// are two for each of 8 rows and 18 offsets, 288 · 6500 · 1088 < 2³¹; squares of heights
-/// are carried over after each row, 36 · 6500² < 2³¹.
+/// are carried over after each offset, 16 · 6500² < 2³¹.
 const RELIEF_LIMIT: i32 = 6_500;
 
 /// From so many pairs of an offset on, of 64, rows are the cheaper way.
@@ -210,7 +213,7 @@ impl Block {
     /// The sums of a lag, by rows where an offset has `many` pairs or more.
     #[inline(never)] // eight times would be too much flash
     fn lag(&self, lag: usize, known: &Known, many: u32) -> LagSums {
-        let (own, lower) = (known.at((0, 0)), self.from((0, 0)));
+        let (own, lower) = (known.at((0, 0)), self.partners((0, 0)));
         let (mut sums, mut lanes) = (LagSums::EMPTY, Lanes::default());
         for &offset in offsets(lag) {
             let pairs = own & known.at(offset);
@@ -218,18 +221,18 @@ impl Block {
                 continue;
             }
             if pairs.count_ones() >= many {
-                lanes.add_rows(&lower, &self.from(offset), pairs);
+                lanes.add_rows(&lower, &self.partners(offset), pairs);
             } else {
-                add_pairs(&mut sums, &lower, &self.from(offset), pairs);
+                add_pairs(&mut sums, &lower, &self.partners(offset), pairs);
             }
         }
         lanes.add_to(&mut sums);
         sums
     }
 
-    /// The planes from the first partner at an offset to the last.
+    /// The cells at an offset from those of the tile.
     #[inline(always)]
-    fn from(&self, (x, y): (i8, i8)) -> Partners<'_> {
+    fn partners(&self, (x, y): (i8, i8)) -> Partners<'_> {
         let start = (y as usize * WIDTH + REACH as usize).wrapping_add_signed(isize::from(x));
         Partners {
             height: span(&self.height, start),
@@ -371,7 +374,7 @@ impl Lanes {
         self.noise -= lower.variance.dot(mask) + upper.variance.dot(mask);
     }
 
-    /// Makes room for the squares of another row.
+    /// Makes room for the squares of another offset.
     #[inline(always)]
     fn carry(&mut self) {
         self.carried += total(core::mem::take(&mut self.square)) as u64;

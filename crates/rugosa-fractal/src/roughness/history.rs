@@ -204,6 +204,9 @@ fn blocks_equal_single_pairs() {
         .map(|i| Act::Patch(i % 5 * 7, i / 5 * 6, 1500 * i as i16))
         .collect();
     assert!(run(&steep) > 10);
+    // positions are kept modulo 1024 cells
+    let far = [Act::Go(500, -1040)].into_iter().chain(level);
+    assert!(run(&far.collect::<Vec<_>>()) > 10);
 }
 
 /// The greatest sums that 32 bits hold: a wall of the greatest relief for which rows are summed

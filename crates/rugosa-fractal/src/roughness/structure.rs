@@ -15,9 +15,8 @@
 //!
 //! Where only a few samples within a tile's reach change, single pairs are taken out and added;
 //! from a number of changes on, which grows with the measured cells, the tile is recomputed at
-//! the commit in one pass. Both
-//! give the same integers; after any history they equal those of a pass over the current
-//! samples, bit for bit (test `any_history_equals_a_pass_over_all_pairs`).
+//! the commit in one pass. Both give the same integers; after any history they equal those of
+//! a pass over the current samples, bit for bit (test `any_history_equals_a_pass_over_all_pairs`).
 //!
 //! Cost: a changed cell meets 2 × [`OFFSETS`](super::OFFSETS) neighbours, whatever the size
 //! and the history of the map; figures in `docs/results-roughness.md`. Memory: 400 bytes per tile
@@ -47,7 +46,7 @@ fn is_pass_cheaper(changes: u16, measured: TileBits) -> bool {
 pub struct Committed {
     /// samples whose pairs were added
     pub added: u32,
-    /// tiles recomputed row by row
+    /// tiles recomputed in one pass
     pub recomputed: u32,
     /// tiles in whose reach something changed; ask [`TileSums::take_changed`]
     pub changed: u32,

@@ -17,18 +17,20 @@
 //! the chance that any step exceeds the limit; neighbouring cells are far from independent,
 //! so the product of their chances would be no better.
 //!
-//! The cells of a tile and its margin are unpacked once. Then four neighbouring cells at a
-//! time look at the cells of their discs, offset by offset, whether those were measured or
-//! not: sums over a row of the disc first, their products with y last. That gives slope and
-//! step. The step and the greatest variance of all tell whether a neighbour might be likelier to
+//! The cells of a tile and its margin are unpacked once. The disc of four neighbouring cells
+//! is summed row by row, whether the cells in it were measured or not. A row of the map belongs
+//! to the discs of many rows of the tile, wider in some than in others: its sums are made once,
+//! from the middle outwards, those of each width on the way, and given to all of them, where
+//! they are multiplied with y. That gives slope and step. The step and the greatest variance of all tell whether a neighbour might be likelier to
 //! hide a step than the unseen ground is, and only then the neighbours are asked one by one. Of
-//! the unseen ones the farthest counts, which bits tell. What a disc looks like, and the powers d^{2H}, are the same for all cells of a tile. A slope needs
+//! the unseen ones the farthest counts: the bits of a row tell of eight cells at once. What a
+//! disc looks like, and the powers d^{2H}, are the same for all cells of a tile. A slope needs
 //! at least [`LEAST`] measured cells that do not lie on a line; otherwise it is NaN.
 //!
-//! Cost: 18 operations for each offset (37 at 3 cells) and four cells, and some 300 for each
-//! measured cell, whatever the size of the map. `cargo bench -p rugosa` prints the time.
+//! Cost, for four cells: 24 operations for each pair of columns of a row, 17 for each row of a
+//! disc that has a measured cell; some 300 for each measured cell, whatever the size of the map. `cargo bench -p rugosa` prints the time.
 //!
-//! Rejected: one cell's neighbours four at a time (three times the instructions on a sweep of
+//! Rejected: each disc on its own (twice the instructions); one cell's neighbours four at a time (three times the instructions on a sweep of
 //! rings), one measured neighbour after another (twice the time: each end of a run of bits is
 //! a branch that the processor cannot foresee).
 
