@@ -62,7 +62,7 @@ fn a_module_on_a_port_is_listened_to() {
     assert!(report["sweeps"].as_u64() >= Some(1), "{report}");
     assert!(report["patches"].as_u64() > Some(100), "{report}");
     for file in ["summary.json", "elevation.npy", "maps.png"] {
-        assert!(folder.path().join(file).is_file(), "{file}");
+        assert!(folder.path().join(file).is_file(), "{file}: {report}");
     }
 }
 

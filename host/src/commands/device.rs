@@ -16,7 +16,8 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 const TICK: Duration = Duration::from_millis(50);
-/// A map is complete when so long no patch has come.
+/// A map is complete when so long neither a sweep was mapped nor a patch has come: what a sweep
+/// changed is sent after the module has told of it.
 const QUIET: Duration = Duration::from_millis(1500);
 
 /// What a module has told.
@@ -47,6 +48,11 @@ impl Told {
         let counters = self.status.as_ref().map(|status| &status.counters);
         let value = counters.and_then(|all| all.get(index));
         value.copied().unwrap_or(0)
+    }
+
+    /// Sweeps that it has mapped, and what it has sent of the map.
+    fn progress(&self) -> [u32; 2] {
+        [self.counter(counter::SWEEPS), self.map.patches()]
     }
 
     fn take(&mut self, message: Message) {
@@ -128,9 +134,9 @@ fn listen(
         if let Some(arrival) = connection.next(TICK) {
             match arrival.news {
                 News::Link(Event::Message(frame)) => {
-                    let patches = told.map.patches();
+                    let before = told.progress();
                     told.take(frame.message);
-                    if told.map.patches() != patches {
+                    if told.progress() != before {
                         news = Instant::now();
                     }
                 }
