@@ -72,8 +72,8 @@ pub struct Block {
 
 const HALF: u16 = 1 << 15;
 
-/// The heights of nothing.
-const LEVEL: [i16; 2] = [i16::MAX, i16::MIN];
+/// Lowest and highest of no heights.
+const NO_HEIGHTS: [i16; 2] = [i16::MAX, i16::MIN];
 
 impl Default for Block {
     fn default() -> Self {
@@ -142,7 +142,7 @@ impl Block {
             self.rows = [0; HEIGHT];
         }
         for across in first..ACROSS {
-            self.extents[across] = LEVEL;
+            self.extents[across] = NO_HEIGHTS;
             for up in 0..UP {
                 let x = tile.x.wrapping_add(across as i32 - REACH / TILE);
                 let near = Tile::new(x, tile.y.wrapping_add(up as i32));

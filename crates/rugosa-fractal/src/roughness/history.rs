@@ -209,6 +209,18 @@ fn blocks_equal_single_pairs() {
     assert!(run(&far.collect::<Vec<_>>()) > 10);
 }
 
+/// The last tile of one commit is the western neighbour of the first one of the next, and its
+/// samples have been left behind in between.
+#[test]
+fn a_block_forgets_at_the_next_commit() {
+    let fill = |x| (0..64).map(move |i| Act::Put(x + i % 8, i / 8, 3 * i as i16, 1, 0, 0));
+    let mut acts = vec![Act::Go(10, -5), Act::Commit]; // cells −1 … 31 × 0 … 32
+    acts.extend(fill(25));
+    acts.extend([Act::Commit, Act::Go(33, 0)]); // cells 32 … 64
+    acts.extend(fill(0));
+    assert!(run(&acts) > 1);
+}
+
 /// The greatest sums that 32 bits hold: a wall of the greatest relief for which rows are summed
 /// as vectors, its samples as far apart as they can be, the variances saturated.
 #[test]

@@ -12,27 +12,29 @@
 //! ```
 //!
 //! The greatest chance is that of the least (limit − |Δ_j|) / s_j, up to the far tail, which
-//! doubles it at most. The last line is the roughness map at work: E|Δz| = σ d^H √(2/π), so rough ground is
-//! more likely to hide a step in what was not seen. The maximum over j is a lower bound of
-//! the chance that any step exceeds the limit; neighbouring cells are far from independent,
-//! so the product of their chances would be no better.
+//! doubles it at most. The last line is the roughness map at work: E|Δz| = σ d^H √(2/π), so
+//! rough ground is more likely to hide a step in what was not seen. The maximum over j is a
+//! lower bound of the chance that any step exceeds the limit; neighbouring cells are far from
+//! independent, so the product of their chances would be no better.
 //!
 //! The cells of a tile and its margin are unpacked once. The disc of four neighbouring cells
 //! is summed row by row, whether the cells in it were measured or not. A row of the map belongs
 //! to the discs of many rows of the tile, wider in some than in others: its sums are made once,
 //! from the middle outwards, those of each width on the way, and given to all of them, where
-//! they are multiplied with y. That gives slope and step. The step and the greatest variance of all tell whether a neighbour might be likelier to
-//! hide a step than the unseen ground is, and only then the neighbours are asked one by one. Of
-//! the unseen ones the farthest counts: the bits of a row tell of eight cells at once. What a
-//! disc looks like, and the powers d^{2H}, are the same for all cells of a tile. A slope needs
-//! at least [`LEAST`] measured cells that do not lie on a line; otherwise it is NaN.
+//! they are multiplied with y. That gives slope and step. The step and the greatest variance of
+//! all tell whether a neighbour might be likelier to hide a step than the unseen ground is, and
+//! only then the neighbours are asked one by one. Of the unseen ones the farthest counts: the
+//! bits of a row tell of eight cells at once. What a disc looks like, and the powers d^{2H}, are
+//! the same for all cells of a tile. A slope needs at least [`LEAST`] measured cells that do not
+//! lie on a line; otherwise it is NaN.
 //!
 //! Cost, for four cells: 24 operations for each pair of columns of a row, 17 for each row of a
-//! disc that has a measured cell; some 300 for each measured cell, whatever the size of the map. `cargo bench -p rugosa` prints the time.
+//! disc that has a measured cell; some 300 for each measured cell, whatever the size of the
+//! map. `cargo bench -p rugosa` prints the time.
 //!
-//! Rejected: each disc on its own (twice the instructions); one cell's neighbours four at a time (three times the instructions on a sweep of
-//! rings), one measured neighbour after another (twice the time: each end of a run of bits is
-//! a branch that the processor cannot foresee).
+//! Rejected: each disc on its own (twice the instructions); one cell's neighbours four at a
+//! time (three times the instructions on a sweep of rings), one measured neighbour after another
+//! (twice the time: each end of a run of bits is a branch that the processor cannot foresee).
 
 use super::Limits;
 use rugosa_fractal::roughness::Roughness;
@@ -119,12 +121,10 @@ impl Around {
     pub(crate) fn new(resolution: f32, limits: &Limits, roughness: Option<&Roughness>) -> Self {
         let radius = disc(limits.window / resolution);
         let (mut rows, mut widths) = ([0; REACH as usize + 1], [0; REACH as usize + 1]);
-        let mut first = DISC;
         for y in 0..=radius {
             for x in (-radius..=radius).filter(|&x| is_within(radius, x, y)) {
                 rows[y as usize] |= 1 << (x + radius);
                 widths[y as usize] = x;
-                first -= if y == 0 { 1 } else { 2 };
             }
         }
         Around {
@@ -133,7 +133,7 @@ impl Around {
             limit: limits.step.critical,
             rows,
             widths,
-            first,
+            first: FARTHEST_FIRST.partition_point(|&(x, y)| !is_within(radius, x.into(), y.into())),
             hidden: variances(resolution, radius, roughness),
         }
     }
