@@ -202,10 +202,9 @@ impl Tiles {
     }
 
     /// The tiles that `window` touches.
+    #[inline]
     pub fn of(window: &Window) -> Self {
-        let origin = Tile::of(window.origin());
-        let side = Tiles::per_side(window.side());
-        Tiles(Window::new(side, Cell::new(origin.x, origin.y)))
+        Tiles(window.of_tiles())
     }
 
     /// Tiles in all.

@@ -12,6 +12,7 @@
 //! Cost: a slot is two subtractions, two comparisons and a multiplication.
 
 use crate::math;
+use crate::tile::{Tile, Tiles};
 
 /// Absolute address of a cell: column `x` to the east, row `y` to the north.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -111,17 +112,33 @@ pub struct Window {
     side: i32,
     origin: Cell,
     start: Cell,
+    /// the start of the ring of tiles, which would be two divisions for each [`Tiles::of`]
+    tiles_start: Cell,
 }
 
 impl Window {
     /// A window whose lowest cell (least x, least y) is `origin`.
     pub fn new(side: usize, origin: Cell) -> Self {
         let side = side as i32;
-        let start = Cell::new(origin.x.rem_euclid(side), origin.y.rem_euclid(side));
+        let tile = Tile::of(origin);
+        let tiles = Tiles::per_side(side as usize) as i32;
         Window {
             side,
             origin,
-            start,
+            start: Cell::new(origin.x.rem_euclid(side), origin.y.rem_euclid(side)),
+            tiles_start: Cell::new(tile.x.rem_euclid(tiles), tile.y.rem_euclid(tiles)),
+        }
+    }
+
+    /// The tiles that it touches, as a window of their own.
+    #[inline]
+    pub(crate) fn of_tiles(&self) -> Self {
+        let lowest = Tile::of(self.origin);
+        Window {
+            side: Tiles::per_side(self.side()) as i32,
+            origin: Cell::new(lowest.x, lowest.y),
+            start: self.tiles_start,
+            tiles_start: Cell::default(),
         }
     }
 

@@ -8,6 +8,7 @@ pub mod estimate;
 mod fit;
 #[cfg(feature = "alloc")]
 pub mod irregular;
+mod nearby;
 pub mod offsets;
 pub mod pool;
 pub mod scaling_range;

@@ -14,6 +14,9 @@
 /// Number of lags.
 pub const LAGS: usize = 8;
 
+/// So many lags are short: up to 4 cells.
+pub const NEAR_LAGS: usize = 4;
+
 /// Nominal lags, in cells.
 pub const LAG_CELLS: [u8; LAGS] = [1, 2, 3, 4, 6, 8, 12, 16];
 
@@ -49,6 +52,96 @@ const OFFSET_TABLE: [(i8, i8); OFFSETS] = table();
 #[inline]
 pub fn offsets(lag: usize) -> &'static [(i8, i8)] {
     &TABLE[START[lag] as usize..START[lag + 1] as usize]
+}
+
+/// The offsets of a lag that lie in one row of cells: bit x + [`REACH`] for the column x.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Row {
+    /// rows to the north, 0 … [`REACH`]
+    pub y: i8,
+    /// columns of the offsets
+    pub upper: u64,
+    /// columns of their opposites, y rows to the south
+    pub lower: u64,
+}
+
+impl Row {
+    /// Where the upper or the lower partners of a cell lie: rows to the north and columns.
+    #[inline(always)]
+    pub(super) fn partners(&self, is_upper: bool) -> (i8, u64) {
+        match is_upper {
+            true => (self.y, self.upper),
+            false => (-self.y, self.lower),
+        }
+    }
+}
+
+/// Lags have so many rows together.
+const ROWS: usize = ROW_START[LAGS] as usize;
+const ROW_START: [u8; LAGS + 1] = row_starts();
+static ROW_TABLE: [Row; ROWS] = row_table();
+
+/// The offsets of lag number `lag`, row by row.
+///
+/// ```
+/// use rugosa_fractal::roughness::offsets::rows;
+/// let [east, north] = rows(0) else { panic!() };
+/// assert_eq!((east.y, east.upper, east.lower), (0, 1 << 17, 1 << 15));
+/// assert_eq!((north.y, north.upper, north.lower), (1, 0b111 << 15, 0b111 << 15));
+/// ```
+#[inline]
+pub fn rows(lag: usize) -> &'static [Row] {
+    &ROW_TABLE[ROW_START[lag] as usize..ROW_START[lag + 1] as usize]
+}
+
+/// The columns of a lag's offsets y rows to the north, and those of their opposites.
+const fn columns(lag: usize, y: i8) -> (u64, u64) {
+    let (mut upper, mut lower) = (0, 0);
+    let mut at = START[lag] as usize;
+    while at < START[lag + 1] as usize {
+        if OFFSET_TABLE[at].1 == y {
+            upper |= 1 << (OFFSET_TABLE[at].0 as i32 + REACH);
+            lower |= 1 << (REACH - OFFSET_TABLE[at].0 as i32);
+        }
+        at += 1;
+    }
+    (upper, lower)
+}
+
+const fn row_starts() -> [u8; LAGS + 1] {
+    let (mut start, mut lag) = ([0; LAGS + 1], 0);
+    while lag < LAGS {
+        start[lag + 1] = start[lag];
+        let mut y = 0;
+        while y <= REACH as i8 {
+            start[lag + 1] += (columns(lag, y).0 != 0) as u8;
+            y += 1;
+        }
+        lag += 1;
+    }
+    start
+}
+
+const fn row_table() -> [Row; ROWS] {
+    let none = Row {
+        y: 0,
+        upper: 0,
+        lower: 0,
+    };
+    let (mut table, mut at, mut lag) = ([none; ROWS], 0, 0);
+    while lag < LAGS {
+        let mut y = 0;
+        while y <= REACH as i8 {
+            let (upper, lower) = columns(lag, y);
+            if upper != 0 {
+                table[at] = Row { y, upper, lower };
+                at += 1;
+            }
+            y += 1;
+        }
+        lag += 1;
+    }
+    table
 }
 
 static MOMENTS: [(f32, f32); LAGS] = moments();

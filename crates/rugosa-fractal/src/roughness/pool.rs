@@ -7,13 +7,15 @@
 //! * raw second moment S² = B / C, first moment E = A / C;
 //! * sensor noise n = N / C;
 //! * trend: the plane g = (Σ G)⁻¹ Σ T over all lags, its part of B is 2 gᵀT − gᵀG g;
-//! * squared distance q = (Gxx + Gyy) / C and its relative variance κ. κ follows from q
+//! * squared distance q = (Gxx + Gyy + X) / C and its relative variance κ. κ follows from q
 //!   and the lag's nominal offsets, because the samples' places inside their cells add
-//!   equally in x and y: var d² = var d₀² + 2 E d₀² s² + s⁴, s² = q − E d₀².
+//!   equally in x and y: var d² = var d₀² + 2 E d₀² s² + s⁴, s² = q − E d₀². For the same reason
+//!   the places add |g|² X / 2 to the trend. Beyond the lags up to [`NEAR_LAGS`], of which X is
+//!   kept, X / C is the mean of those.
 //!
 //! Cost: 9 tiles × 8 lags × 10 additions.
 
-use super::offsets::{LAGS, nominal_moments};
+use super::offsets::{LAGS, NEAR_LAGS, nominal_moments};
 use super::sums::{LagSums, TileSums};
 use rugosa_grid::{TILE, Tile, Tiles, math, sample::PARTS};
 
@@ -25,8 +27,8 @@ use rugosa_grid::{TILE, Tile, Tiles, math, sample::PARTS};
 /// // 3 height steps up to the east, none to the north
 /// let [here, east, north] = [0, 3, 0].map(|z| Sample::measured(z, 1, 0, 0, 255));
 /// let mut tile = TileSums::EMPTY;
-/// tile.lags[0] += &LagSums::of_pair(&here, &east, (1, 0));
-/// tile.lags[0] += &LagSums::of_pair(&here, &north, (0, 1));
+/// tile.lags[0] += &LagSums::of_pair(0, &here, &east, (1, 0));
+/// tile.lags[0] += &LagSums::of_pair(0, &here, &north, (0, 1));
 /// let mut pool = Pool::new();
 /// pool.add(&tile);
 /// // cells of 0.5 m, steps of 1 cm
@@ -49,6 +51,7 @@ struct WideSums {
     absolute: u64,
     pairs: u32,
     noise: u64,
+    excess: i64,
     spread: [i64; 3],
 }
 
@@ -86,7 +89,7 @@ impl Pool {
     /// let mut sums = [TileSums::EMPTY; 25];
     /// let sample = Sample::measured(0, 0, 0, 0, 255);
     /// for tile in tiles.tiles() {
-    ///     sums[tiles.slot(tile).unwrap()].lags[0] = LagSums::of_pair(&sample, &sample, (1, 0));
+    ///     sums[tiles.slot(tile).unwrap()].lags[0] = LagSums::of_pair(0, &sample, &sample, (1, 0));
     /// }
     /// let pairs = |x, y| Pool::around(&sums, &tiles, Tile::new(x, y)).pairs();
     /// assert_eq!((pairs(2, 2), pairs(0, 2), pairs(0, 0)), (9, 6, 4)); // inside, border, corner
@@ -144,12 +147,30 @@ impl Pool {
         height_step: f32,
     ) -> ([Moment; LAGS], [f32; 2]) {
         let gradient = self.gradient();
-        let scale = height_step * PARTS as f32 / resolution;
-        let moment = |lag: usize| self.lags[lag].moment(lag, gradient, resolution, height_step);
+        let places = self.places();
+        let moment = |lag: usize| {
+            let excess = if lag < NEAR_LAGS {
+                signed(self.lags[lag].excess) / (PARTS * PARTS) as f32
+            } else {
+                places * self.lags[lag].pairs as f32
+            };
+            self.lags[lag].moment(lag, gradient, excess, resolution, height_step)
+        };
+        let scale = height_step / resolution;
         (core::array::from_fn(moment), gradient.map(|g| g * scale))
     }
 
-    /// g = (Σ G)⁻¹ Σ T in height steps per 1/64 cell.
+    /// What the places of the samples in their cells add to a squared distance \[cells²\].
+    fn places(&self) -> f32 {
+        let (mut excess, mut pairs) = (0, 0);
+        for lag in &self.lags[..NEAR_LAGS] {
+            excess += lag.excess;
+            pairs += lag.pairs;
+        }
+        signed(excess).max(0.0) / (pairs.max(1) as f32 * (PARTS * PARTS) as f32)
+    }
+
+    /// g = (Σ G)⁻¹ Σ T in height steps per cell.
     fn gradient(&self) -> [f32; 2] {
         let mut t = [0; 2];
         let mut g = [0; 3];
@@ -187,7 +208,8 @@ impl WideSums {
         self.absolute += u64::from(sums.absolute);
         self.pairs += sums.pairs;
         self.noise += u64::from(sums.noise);
-        let ([tx, ty], [xx, xy, yy]) = (sums.trend, sums.spread.map(i64::from));
+        self.excess += i64::from(sums.excess);
+        let ([tx, ty], [xx, xy, yy]) = (sums.trend.map(i64::from), sums.spread.map(i64::from));
         self.trend = [self.trend[0] + tx, self.trend[1] + ty];
         self.spread = [
             self.spread[0] + xx,
@@ -196,14 +218,23 @@ impl WideSums {
         ];
     }
 
-    fn moment(&self, lag: usize, [gx, gy]: [f32; 2], resolution: f32, height_step: f32) -> Moment {
+    /// `excess` is X \[cells²\].
+    fn moment(
+        &self,
+        lag: usize,
+        [gx, gy]: [f32; 2],
+        excess: f32,
+        resolution: f32,
+        height_step: f32,
+    ) -> Moment {
         if self.pairs == 0 {
             return Moment::default();
         }
         let share = 1.0 / self.pairs as f32;
         let ([tx, ty], [xx, xy, yy]) = (self.trend.map(signed), self.spread.map(signed));
-        let trend = gx * (2.0 * tx - gx * xx - 2.0 * gy * xy) + gy * (2.0 * ty - gy * yy);
-        let square = (xx + yy) * share / (PARTS * PARTS) as f32;
+        let trend = gx * (2.0 * tx - gx * (xx - 0.5 * excess) - 2.0 * gy * xy)
+            + gy * (2.0 * ty - gy * (yy - 0.5 * excess));
+        let square = (xx + yy + excess) * share;
         let area = height_step * height_step * share;
         Moment {
             pairs: self.pairs,

@@ -22,8 +22,8 @@
 //! and the history of the map; figures in `docs/results-roughness.md`. Memory: 400 bytes per tile
 //! and one [`Block`].
 
-use super::block::Block;
-use super::offsets::{LAGS, REACH, offsets};
+use super::block::{Block, HAS_VECTORS};
+use super::offsets::{LAGS, REACH, rows};
 use super::sums::{LagSums, TileSums};
 use rugosa_grid::tile::{TileSlots, places_of};
 use rugosa_grid::{Cell, Sample, TILE, Tile, TileBits, Tiles, Window};
@@ -33,13 +33,14 @@ use rugosa_grid::{Cell, Sample, TILE, Tile, TileBits, Tiles, Window};
 /// instructions), the result does not.
 #[inline]
 fn is_pass_cheaper(changes: u16, measured: TileBits) -> bool {
-    let (few, per_cell) = if cfg!(target_arch = "arm") {
-        (20, 0)
-    } else {
-        (24, 6)
-    };
-    changes >= few && u32::from(changes) >= u32::from(few) + per_cell * measured.count_ones() / 4
+    match HAS_VECTORS {
+        true => changes >= 6 && u32::from(changes) >= 6 + measured.count_ones() / 2,
+        false => changes >= 20,
+    }
 }
+
+/// From so many samples of a tile on, its rows are worth vectors.
+const FULL: u32 = 12;
 
 /// What a commit did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -113,20 +114,21 @@ impl<'m> StructureFunction<'m> {
             return;
         };
         let own = &mut self.tiles[own];
+        own.set_measured(place_of(cell), is_measured(window, samples, cell));
         let pending = old.is_measured() && !old.is_counted();
         own.changes = own.changes.saturating_add(u16::from(!pending));
-        own.stale |= is_pass_cheaper(own.changes, own.measured);
         if old.is_counted() {
+            own.stale |= is_pass_cheaper(own.changes, own.measured);
             let around = Surroundings::of(&tiles, Tile::of(cell));
-            around.each(self.tiles, |near| near.changed = true);
+            around.each(self.tiles, |near| {
+                near.changed = true;
+                near.stale |= near.is_busy;
+            });
             let around = around.without_stale(self.tiles);
-            self.each_pair(
-                &around,
-                &Neighbours::of(window, cell),
-                samples,
-                old,
-                |sums, pair| *sums -= pair,
-            );
+            if !around.is_empty() {
+                self.look_near(window, Tile::of(cell));
+                self.each_pair(&around, place_of(cell), samples, old, false);
+            }
         }
     }
 
@@ -138,7 +140,7 @@ impl<'m> StructureFunction<'m> {
         let place = |tile| (tile, tiles.slot(tile).unwrap_or_default());
         for (tile, slot) in tiles.tiles().map(place) {
             if self.tiles[slot].changes > 0 {
-                self.look_at(window, samples, tile);
+                self.spread_news(window, tile);
             }
         }
         for (tile, slot) in tiles.tiles().map(place) {
@@ -153,14 +155,10 @@ impl<'m> StructureFunction<'m> {
         done
     }
 
-    /// Notes which samples of a tile are measured, and in which tiles their pairs are news.
-    fn look_at(&mut self, window: &Window, samples: &[Sample], tile: Tile) {
+    /// The changes of a tile are news in all tiles that may own a pair with it.
+    fn spread_news(&mut self, window: &Window, tile: Tile) {
         let around = Surroundings::of(&Tiles::of(window), tile);
-        let Some(own) = self.tiles.get_mut(around.slot) else {
-            return;
-        };
-        own.measured = TileSlots::of(window, tile).measured(samples);
-        let changes = own.changes;
+        let changes = self.tiles.get(around.slot).map_or(0, |own| own.changes);
         around.each(self.tiles, |near| {
             near.changed = true;
             near.news = near.news.saturating_add(changes);
@@ -171,6 +169,9 @@ impl<'m> StructureFunction<'m> {
     fn add_pending(&mut self, window: &Window, samples: &mut [Sample], tile: Tile) -> u32 {
         let around = Surroundings::of(&Tiles::of(window), tile).without_stale(self.tiles);
         let is_asked_for = !around.is_empty();
+        if is_asked_for {
+            self.look_near(window, tile);
+        }
         let slots = TileSlots::of(window, tile);
         let measured = self.tiles.get(around.slot).map_or(0, |own| own.measured);
         let mut added = 0;
@@ -181,62 +182,105 @@ impl<'m> StructureFunction<'m> {
             };
             added += 1;
             if is_asked_for {
-                let (sample, cell) = (*sample, tile.cell(place));
-                let neighbours = Neighbours::of(window, cell);
-                self.each_pair(&around, &neighbours, samples, &sample, |sums, pair| {
-                    *sums += pair
-                });
+                let sample = *sample;
+                self.each_pair(&around, place, samples, &sample, true);
             }
             samples[slot].set_counted(true);
         }
         added
     }
 
+    /// The sums of a tile, whose samples `own` names.
+    fn pass(
+        &mut self,
+        window: &Window,
+        samples: &[Sample],
+        tile: Tile,
+        own: TileBits,
+    ) -> [LagSums; LAGS] {
+        if own == 0 {
+            return [LagSums::EMPTY; LAGS];
+        }
+        if HAS_VECTORS && own.count_ones() >= FULL {
+            let (tiles, ring) = (&self.tiles, Tiles::of(window));
+            let measured = |near| ring.slot(near).map_or(0, |slot| tiles[slot].measured);
+            if let Some(sums) = self.block.sums(window, samples, tile, measured) {
+                return sums;
+            }
+        }
+        self.look_near(window, tile);
+        self.block.nearby.sums(samples, own)
+    }
+
+    /// Looks at what was measured near a tile at the last commit.
+    fn look_near(&mut self, window: &Window, tile: Tile) {
+        let (tiles, ring) = (&self.tiles, Tiles::of(window));
+        self.block.nearby.look(window, tile, |near| {
+            ring.slot(near).map_or(0, |slot| tiles[slot].measured)
+        });
+    }
+
     fn finish(&mut self, slot: usize, window: &Window, samples: &[Sample], tile: Tile) -> bool {
         let sums = &mut self.tiles[slot];
+        sums.is_busy = is_pass_cheaper(sums.news, sums.measured);
         (sums.changes, sums.news) = (0, 0);
-        let stale = core::mem::take(&mut sums.stale);
+        let (measured, stale) = (sums.measured, core::mem::take(&mut sums.stale));
         if stale {
-            let tiles = Tiles::of(window);
-            let measured = |near| tiles.slot(near).map_or(0, |slot| self.tiles[slot].measured);
-            let lags = self.block.sums(window, samples, tile, measured);
+            let lags = self.pass(window, samples, tile, measured);
             let sums = &mut self.tiles[slot];
             (sums.lags, sums.changed) = (lags, true);
         }
         stale
     }
 
-    /// Applies each pair of `sample` with a counted neighbour to the sums it belongs to.
-    #[inline(always)]
+    /// Adds each pair of `sample` with a counted neighbour to the sums it belongs to, or takes
+    /// it out again.
+    #[inline(never)] // twice would be too much flash
     fn each_pair(
         &mut self,
         around: &Surroundings,
-        neighbours: &Neighbours,
+        place: usize,
         samples: &[Sample],
         sample: &Sample,
-        apply: impl Fn(&mut LagSums, &LagSums),
+        is_added: bool,
     ) {
         for lag in 0..LAGS {
-            let mut own = LagSums::default();
-            for &(x, y) in offsets(lag) {
-                let (x, y) = (i32::from(x), i32::from(y));
-                if let Some(upper) = neighbours.counted(samples, x, y) {
-                    own += &LagSums::of_pair(sample, upper, (x, y));
+            for row in rows(lag) {
+                for is_upper in [true, false] {
+                    let (y, columns) = row.partners(is_upper);
+                    for (x, slot) in self.block.nearby.row(place, y, columns) {
+                        let (y, other) = (y.into(), samples.get(slot));
+                        let tile = match is_upper {
+                            true => around.own(),
+                            false => around.tile(place, (x, y)),
+                        };
+                        if let Some(other) = other.filter(|other| other.is_counted())
+                            && let Some(tile) = self.tiles.get_mut(tile)
+                        {
+                            let pair = match is_upper {
+                                true => LagSums::of_pair(lag, sample, other, (x, y)),
+                                false => LagSums::of_pair(lag, other, sample, (-x, -y)),
+                            };
+                            match is_added {
+                                true => tile.lags[lag] += &pair,
+                                false => tile.lags[lag] -= &pair,
+                            }
+                        }
+                    }
                 }
-                if let Some(lower) = neighbours.counted(samples, -x, -y)
-                    && let Some(tile) = self.tiles.get_mut(around.tile(neighbours, -x, -y))
-                {
-                    apply(
-                        &mut tile.lags[lag],
-                        &LagSums::of_pair(lower, sample, (x, y)),
-                    );
-                }
-            }
-            if let Some(tile) = self.tiles.get_mut(around.own()) {
-                apply(&mut tile.lags[lag], &own);
             }
         }
     }
+}
+
+fn is_measured(window: &Window, samples: &[Sample], cell: Cell) -> bool {
+    let slot = window.slot(cell);
+    slot.is_some_and(|slot| samples[slot].is_measured())
+}
+
+/// The place of a cell in its tile.
+fn place_of(cell: Cell) -> usize {
+    (cell.y.rem_euclid(TILE) * TILE + cell.x.rem_euclid(TILE)) as usize
 }
 
 /// Tiles to the west and east, and to the south, that offsets reach.
@@ -292,42 +336,11 @@ impl Surroundings {
         self.slots[0][TILES_REACHED as usize] as usize
     }
 
-    /// The tile of the neighbour (x, y) cells away, y ≤ 0.
+    /// The tile of the neighbour (x, y) cells from that at `place`, y ≤ 0.
     #[inline(always)]
-    fn tile(&self, neighbours: &Neighbours, x: i32, y: i32) -> usize {
-        let across = ((neighbours.place.0 + x) >> 3) + TILES_REACHED;
-        let down = -((neighbours.place.1 + y) >> 3);
+    fn tile(&self, place: usize, (x, y): (i32, i32)) -> usize {
+        let across = ((place as i32 % TILE + x) >> 3) + TILES_REACHED;
+        let down = -((place as i32 / TILE + y) >> 3);
         self.slots[down as usize][across as usize] as usize
-    }
-}
-
-const SPAN: usize = 2 * REACH as usize + 1;
-
-/// Where the neighbours of a cell live in the plane of samples: slot = row + column.
-struct Neighbours {
-    rows: [u32; SPAN],
-    columns: [u32; SPAN],
-    /// the cell's place in its tile
-    place: (i32, i32),
-}
-
-impl Neighbours {
-    fn of(window: &Window, cell: Cell) -> Self {
-        let part = |part: Option<usize>| part.map_or(NONE, |part| part as u32);
-        let near = |i: usize| cell.offset(i as i32 - REACH, i as i32 - REACH);
-        Neighbours {
-            rows: core::array::from_fn(|i| part(window.row_part(near(i).y))),
-            columns: core::array::from_fn(|i| part(window.column_part(near(i).x))),
-            place: (cell.x.rem_euclid(TILE), cell.y.rem_euclid(TILE)),
-        }
-    }
-
-    /// The neighbour (x, y) cells away, if the window holds it and it is counted.
-    #[inline(always)]
-    fn counted<'s>(&self, samples: &'s [Sample], x: i32, y: i32) -> Option<&'s Sample> {
-        let slot = self.rows[(y + REACH) as usize] + self.columns[(x + REACH) as usize];
-        samples
-            .get(slot as usize)
-            .filter(|sample| sample.is_counted())
     }
 }

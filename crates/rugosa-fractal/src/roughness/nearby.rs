@@ -1,0 +1,195 @@
+//! Which samples near a tile are measured, and where they live.
+//!
+//! A sample's partners of a lag lie in a few rows. Of each row the measured cells are bits of
+//! one word, so the partners are the bits that it has in common with the offsets of that row:
+//! what was not measured costs nothing.
+
+use super::offsets::{LAGS, NEAR_LAGS, REACH, offsets};
+use super::sums::LagSums;
+use core::array::from_fn;
+use rugosa_grid::tile::places_of;
+use rugosa_grid::{Sample, TILE, Tile, TileBits, Window};
+
+/// Cells along an edge of what is near a tile: itself and the reach to both sides.
+const SPAN: usize = (TILE + 2 * REACH) as usize;
+/// Tiles along that edge, and the tile's own place among them.
+const TILES: i32 = SPAN as i32 / TILE;
+const OWN: i32 = REACH / TILE;
+
+/// No slot, even when a row's and a column's are added.
+const NOWHERE: u32 = u32::MAX >> 2;
+
+/// The samples near a tile: 0.7 kB. A slot is the sum of a part of the row and one of the column.
+#[derive(Clone, Debug)]
+pub(super) struct Nearby {
+    /// bit x: is the cell in column x of the row measured?
+    measured: [u64; SPAN],
+    rows: [u32; SPAN],
+    columns: [u32; SPAN],
+    /// near which tile of which window
+    held: Option<(Window, Tile)>,
+    known: Known,
+    /// the tile's own samples
+    own: [Sample; 64],
+}
+
+impl Nearby {
+    pub(super) const fn new() -> Self {
+        Nearby {
+            measured: [0; SPAN],
+            rows: [NOWHERE; SPAN],
+            columns: [NOWHERE; SPAN],
+            held: None,
+            known: Known::NOTHING,
+            own: [Sample::UNKNOWN; 64],
+        }
+    }
+
+    /// What is measured has changed.
+    pub(super) fn forget(&mut self) {
+        self.held = None;
+    }
+
+    /// Looks at what is near `tile`; `measured` tells of each tile. Keeps what it shares with
+    /// the tile to the west, if it was there before.
+    pub(super) fn look(
+        &mut self,
+        window: &Window,
+        tile: Tile,
+        measured: impl Fn(Tile) -> TileBits,
+    ) {
+        let west = Tile::new(tile.x.wrapping_sub(1), tile.y);
+        let first = match self.held.replace((*window, tile)) {
+            Some(held) if held == (*window, tile) => return,
+            Some(held) if held == (*window, west) => {
+                self.measured = self.measured.map(|row| row >> TILE);
+                self.columns.copy_within(TILE as usize.., 0);
+                TILES - 1
+            }
+            _ => {
+                self.measured = [0; SPAN];
+                let part = |y| window.row_part(y).map_or(NOWHERE, |part| part as u32);
+                let south = tile.origin().y.wrapping_sub(REACH);
+                self.rows = from_fn(|y| part(south.wrapping_add(y as i32)));
+                0
+            }
+        };
+        let corner = tile.origin().offset(-REACH, -REACH);
+        for (x, column) in self
+            .columns
+            .iter_mut()
+            .enumerate()
+            .skip((first * TILE) as usize)
+        {
+            let part = window.column_part(corner.x.wrapping_add(x as i32));
+            *column = part.map_or(NOWHERE, |part| part as u32);
+        }
+        for (y, rows) in self.measured.chunks_exact_mut(TILE as usize).enumerate() {
+            for x in first..TILES {
+                let near = (
+                    tile.x.wrapping_add(x - OWN),
+                    tile.y.wrapping_add(y as i32 - OWN),
+                );
+                let bits = measured(Tile::new(near.0, near.1));
+                for (row, bits) in rows.iter_mut().zip(bits.to_le_bytes()) {
+                    *row |= u64::from(bits) << (TILE * x);
+                }
+            }
+        }
+    }
+
+    /// The measured cells y rows to the north of the tile's cell at `place`, in these columns
+    /// (bit x + [`REACH`]): each x, and where it lives.
+    #[inline(always)]
+    pub(super) fn row(
+        &self,
+        place: usize,
+        y: i8,
+        columns: u64,
+    ) -> impl Iterator<Item = (i32, usize)> {
+        let (column, row) = (
+            place % 8,
+            (place / 8 + REACH as usize).wrapping_add_signed(y.into()),
+        );
+        let bits = self.measured.get(row).map_or(0, |row| row >> column) & columns;
+        let start = self.rows.get(row).map_or(NOWHERE, |start| *start);
+        places_of(bits).map(move |x| {
+            let part = self.columns.get(column + x).map_or(NOWHERE, |part| *part);
+            (x as i32 - REACH, (start + part) as usize)
+        })
+    }
+
+    /// The sums of the tile, whose samples `own` names, over all that is measured.
+    pub(super) fn sums(&mut self, samples: &[Sample], own: TileBits) -> [LagSums; LAGS] {
+        self.known.look(&self.measured);
+        for place in places_of(own) {
+            if let Some(sample) = samples.get(self.slot(place, (0, 0))) {
+                self.own[place] = *sample;
+            }
+        }
+        from_fn(|lag| self.lag(lag, samples, own))
+    }
+
+    #[inline(never)] // eight times would be too much flash
+    fn lag(&self, lag: usize, samples: &[Sample], own: TileBits) -> LagSums {
+        let mut sums = LagSums::EMPTY;
+        for &offset in offsets(lag) {
+            let pairs = own & self.known.at(offset);
+            if pairs != 0 {
+                let mut rise = 0;
+                for place in places_of(pairs) {
+                    let lower = &self.own[place];
+                    if let Some(upper) = samples.get(self.slot(place, offset)) {
+                        let o = (offset.0.into(), offset.1.into());
+                        rise += sums.add_heights(lower, upper);
+                        if lag < NEAR_LAGS {
+                            sums.add_places(lower, upper, o);
+                        }
+                    }
+                }
+                sums.add_offset(rise, pairs.count_ones(), (offset.0.into(), offset.1.into()));
+            }
+        }
+        sums
+    }
+
+    /// Where the cell lives that is (x, y) away from that at `place` of the tile.
+    #[inline(always)]
+    fn slot(&self, place: usize, (x, y): (i8, i8)) -> usize {
+        let near = |i: usize, o: i8| (i + REACH as usize).wrapping_add_signed(o.into());
+        let part = |parts: &[u32; SPAN], i: usize| parts.get(i).map_or(NOWHERE, |part| *part);
+        (part(&self.rows, near(place / 8, y)) + part(&self.columns, near(place % 8, x))) as usize
+    }
+}
+
+/// Which cells are measured of a tile and of those to the north, west and east that offsets
+/// reach: for each column, and each row, those of the next eight columns.
+#[derive(Clone, Debug)]
+struct Known([u8; COLUMNS * HEIGHT]);
+
+const COLUMNS: usize = 2 * REACH as usize + 1;
+const HEIGHT: usize = (TILE + REACH) as usize;
+
+impl Known {
+    const NOTHING: Known = Known([0; COLUMNS * HEIGHT]);
+
+    fn look(&mut self, measured: &[u64; SPAN]) {
+        self.0 = Known::NOTHING.0;
+        let rows = measured[REACH as usize..].iter().enumerate();
+        for (y, &row) in rows.filter(|(_, row)| **row != 0) {
+            let mut row = row;
+            for column in self.0.chunks_exact_mut(HEIGHT) {
+                column[y] = row as u8;
+                row >>= 1;
+            }
+        }
+    }
+
+    /// The cells of the tile that have a measured one at an offset.
+    #[inline(always)]
+    fn at(&self, (x, y): (i8, i8)) -> TileBits {
+        let start = (i32::from(x) + REACH) as usize * HEIGHT + y as usize;
+        let rows = self.0.get(start..).and_then(<[u8]>::first_chunk);
+        rows.map_or(0, |rows| TileBits::from_le_bytes(*rows))
+    }
+}
