@@ -441,8 +441,8 @@ impl Patch {
 fn bytes_of(bits: u32) -> u64 {
     const ONES: u64 = u64::MAX / 0xff;
     // byte i is 0 or 1 << i, and carries into its highest bit where it is not 0
-    let apart = u64::from(bits) * ONES & 0x8040_2010_0804_0201;
-    (apart + 0x7f * ONES) >> 7 & ONES
+    let apart = (u64::from(bits) * ONES) & 0x8040_2010_0804_0201;
+    ((apart + 0x7f * ONES) >> 7) & ONES
 }
 
 /// The cells of the greatest disc, without its middle, the farthest first.
