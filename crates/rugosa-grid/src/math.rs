@@ -121,6 +121,11 @@ pub fn atan2(y: f32, x: f32) -> f32 {
     libm::atan2f(y, x)
 }
 
+/// Inverse tangent in radians.
+pub fn atan(x: f32) -> f32 {
+    libm::atanf(x)
+}
+
 /// Inverse sine in radians.
 ///
 /// ```

@@ -233,6 +233,19 @@ impl Tiles {
         self.0.slot(Cell::new(tile.x, tile.y))
     }
 
+    /// Where the tiles of [`Tile::around`] live.
+    ///
+    /// ```
+    /// use rugosa_grid::{Cell, Tile, Tiles, Window};
+    /// let tiles = Tiles::of(&Window::around(33, Cell::new(0, 0)));
+    /// let corner = Tile::new(-2, -2);
+    /// assert_eq!(tiles.around(corner), corner.around().map(|near| tiles.slot(near)));
+    /// assert_eq!(tiles.around(corner).iter().flatten().count(), 4);
+    /// ```
+    pub fn around(&self, tile: Tile) -> [Option<usize>; 9] {
+        tile.around().map(|near| self.slot(near))
+    }
+
     /// All tiles, row by row from the south-west corner.
     pub fn tiles(&self) -> impl Iterator<Item = Tile> + use<> {
         self.0.cells().map(|c| Tile::new(c.x, c.y))

@@ -823,7 +823,7 @@ impl Surface<'_> {
     fn judge(&mut self, limits: &Limits) {
         let tiles = Tiles::of(self.grid.window());
         let sums = self.structure.tiles();
-        let measured = |near| tiles.slot(near).map_or(0, |slot| sums[slot].measured());
+        let measured = |slot: Option<usize>| slot.map_or(0, |slot| sums[slot].measured());
         let mut patch = Patch::new();
         let mut judging = self.costs.judging(&self.grid, limits, &mut patch);
         for tile in tiles.tiles() {
@@ -831,7 +831,7 @@ impl Surface<'_> {
                 continue;
             }
             let roughness = self.ground.get(&tiles, tile).and_then(|g| g.estimate.ok());
-            if judging.judge(tile, roughness.as_ref(), &tile.around().map(measured))
+            if judging.judge(tile, roughness.as_ref(), &tiles.around(tile).map(measured))
                 && let Some(ground) = self.ground.get_mut(&tiles, tile)
             {
                 ground.unsent |= outbox::COSTS;

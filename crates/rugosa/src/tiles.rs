@@ -1,7 +1,7 @@
 //! Roughness by tile: refreshed where the counters changed, and only there.
 //!
 //! The estimate of a tile rests on the pooled counters of 3 × 3 tiles, so a tile is
-//! refreshed when one of these nine changed.
+//! refreshed when one of these nine changed. Where nothing is measured nothing is stated.
 
 use crate::outbox;
 use rugosa_fractal::roughness::estimate::{Reason, Roughness, Settings, estimate};
@@ -11,7 +11,8 @@ use rugosa_grid::{Tile, Tiles};
 /// What is known of a tile beyond its counters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TileGround {
-    /// roughness of the 3 × 3 tiles around, or why there is none
+    /// roughness of the 3 × 3 tiles around, or why there is none; none where nothing is
+    /// measured in the tile itself
     pub estimate: Result<Roughness, Reason>,
     stale: bool,
     /// its costs are out of date
@@ -91,10 +92,8 @@ impl<'m> Ground<'m> {
     }
 
     fn each_around(&mut self, tiles: &Tiles, tile: Tile, apply: impl Fn(&mut TileGround)) {
-        for near in tile.around() {
-            if let Some(near) = self.get_mut(tiles, near) {
-                apply(near);
-            }
+        for slot in tiles.around(tile).into_iter().flatten() {
+            apply(&mut self.tiles[slot]);
         }
     }
 
@@ -118,21 +117,30 @@ impl<'m> Ground<'m> {
         }
     }
 
-    /// Estimates the stale tiles anew; returns how many there were.
+    /// Estimates anew those stale tiles in which something is measured; returns how many there
+    /// were. The others have no roughness and stay stale.
     pub(crate) fn refresh(&mut self, sums: &[TileSums], tiles: &Tiles, by: &Settings) -> u32 {
         let mut refreshed = 0;
         for tile in tiles.tiles() {
-            let Some(ground) = self.get_mut(tiles, tile) else {
+            let Some(slot) = tiles.slot(tile) else {
                 continue;
             };
-            if core::mem::take(&mut ground.stale) {
-                let fresh = estimate(&Pool::around(sums, tiles, tile), by);
-                if fresh != ground.estimate {
-                    ground.estimate = fresh;
-                    ground.unsent |= outbox::ROUGHNESS;
-                    ground.cost_stale = true;
-                }
-                refreshed += 1;
+            let is_measured = sums[slot].measured() != 0;
+            let ground = &mut self.tiles[slot];
+            if is_measured && !ground.stale {
+                continue;
+            }
+            ground.stale = !is_measured;
+            refreshed += u32::from(is_measured);
+            let fresh = if is_measured {
+                estimate(&Pool::around(sums, tiles, tile), by)
+            } else {
+                TileGround::EMPTY.estimate
+            };
+            if fresh != ground.estimate {
+                ground.estimate = fresh;
+                ground.unsent |= outbox::ROUGHNESS;
+                ground.cost_stale = true;
             }
         }
         refreshed

@@ -120,18 +120,19 @@ impl Mapper<'_> {
     /// let points: Vec<_> = places.map(|(x, y)| [x, y, 0.2 * y - 9.0]).collect();
     /// mapper.points(&points, &view);
     /// let features = mapper.features_of(Tile::new(0, 0))[4][4].unwrap();
-    /// assert!((features.slope - 0.2f32.atan()).abs() < 0.001); // rad
+    /// assert!((features.slope() - 0.2f32.atan()).abs() < 0.001); // rad
     /// assert!((features.step - 0.06).abs() < 0.001); // metres, over 0.3 m
     /// assert!(mapper.features_of(Tile::new(0, -1))[4][4].is_none());
     /// ```
     pub fn features_of(&self, tile: Tile) -> [[Option<Features>; TILE as usize]; TILE as usize] {
         let roughness = self.tile(tile).and_then(|ground| ground.estimate.ok());
         let resolution = self.lattice().resolution();
-        let around = Around::new(resolution, self.limits(), roughness.as_ref());
+        let mut around = Around::new(resolution, self.limits());
+        around.set_roughness(roughness.as_ref());
         let mut patch = Patch::new();
         let grid = self.grid();
         let measured = tile.around().map(|near| grid.measured(near));
-        patch.fill(grid, tile, around.margin(), &measured);
+        patch.fill(grid, tile, &around, &measured);
         let mut features = [[None; TILE as usize]; TILE as usize];
         patch.each_cell(&around, &mut |place, of_cell| {
             features[place / TILE as usize][place % TILE as usize] = Some(of_cell);
@@ -184,9 +185,9 @@ fn feature(
     let (row, column) = (cell.y.rem_euclid(TILE), cell.x.rem_euclid(TILE));
     let features = features[row as usize][column as usize]?;
     Some(match layer {
-        Layer::Slope => features.slope,
+        Layer::Slope => features.slope(),
         Layer::Step => features.step,
-        _ => features.hidden_step,
+        _ => features.hidden_step(),
     })
 }
 

@@ -360,9 +360,9 @@ fn features_of(mapper: &Mapper) -> [Vec<f32>; 3] {
             };
             let (x, y) = (cell.x - window.origin().x, cell.y - window.origin().y);
             let place = y as usize * window.side() + x as usize;
-            planes[0][place] = features.slope;
+            planes[0][place] = features.slope();
             planes[1][place] = features.step;
-            planes[2][place] = features.hidden_step;
+            planes[2][place] = features.hidden_step();
         }
     }
     planes

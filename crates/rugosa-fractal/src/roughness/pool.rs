@@ -97,10 +97,8 @@ impl Pool {
     /// ```
     pub fn around(sums: &[TileSums], tiles: &Tiles, tile: Tile) -> Self {
         let mut pool = Pool::new();
-        for near in tile.around() {
-            if let Some(sums) = tiles.slot(near).and_then(|slot| sums.get(slot)) {
-                pool.add(sums);
-            }
+        for slot in tiles.around(tile).into_iter().flatten() {
+            pool.add(&sums[slot]);
         }
         pool
     }

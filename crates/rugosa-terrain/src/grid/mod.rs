@@ -231,12 +231,6 @@ impl<'m> ElevationGrid<'m> {
         self.sample(cell).state()
     }
 
-    /// The same of the cell in a slot of the window.
-    #[inline]
-    pub fn state_in(&self, slot: usize) -> State {
-        self.samples[slot].state()
-    }
-
     /// The point sample of a cell; the empty one outside the window.
     pub fn sample(&self, cell: Cell) -> Sample {
         self.window

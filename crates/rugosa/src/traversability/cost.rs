@@ -32,16 +32,6 @@ pub enum Criterion {
     Hole,
 }
 
-/// In the order in which equal costs are explained.
-const CRITERIA: [Criterion; 6] = [
-    Criterion::Step,
-    Criterion::Slope,
-    Criterion::Roughness,
-    Criterion::Dimension,
-    Criterion::Uncertainty,
-    Criterion::HiddenStep,
-];
-
 /// Cost of a cell and the criterion behind it, 2 bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CellCost {
@@ -60,8 +50,14 @@ impl CellCost {
         criterion: Criterion::Unknown,
     };
 
+    const HOLE: CellCost = CellCost {
+        parts: PARTS as u8,
+        criterion: Criterion::Hole,
+    };
+
+    /// Of a cost of 0 … 1.
     fn new(cost: f32, criterion: Criterion) -> Self {
-        let parts = math::round_index(cost * PARTS).clamp(0, PARTS as i32) as u8;
+        let parts = (cost * PARTS + 0.5) as u8;
         CellCost { parts, criterion }
     }
 
@@ -137,6 +133,7 @@ impl<'m> Costs<'m> {
         Judging {
             plane: self.plane,
             grid,
+            around: Around::new(grid.lattice().resolution(), limits),
             limits,
             patch,
         }
@@ -148,6 +145,7 @@ pub(crate) struct Judging<'a, 'm> {
     plane: &'a mut [CellCost],
     grid: &'a ElevationGrid<'m>,
     limits: &'a Limits,
+    around: Around,
     /// room for the ground around a tile
     patch: &'a mut Patch,
 }
@@ -161,33 +159,37 @@ impl Judging<'_, '_> {
         roughness: Option<&Roughness>,
         measured: &[TileBits; 9],
     ) -> bool {
-        let slots = TileSlots::of(self.grid.window(), tile);
-        let mut costs = [None; CELLS];
+        let mut costs = [CellCost::UNKNOWN; CELLS];
         if measured[4] != 0 {
-            let around = Around::new(self.grid.lattice().resolution(), self.limits, roughness);
+            self.around.set_roughness(roughness);
             let judge = Judge::new(self.limits, roughness);
-            self.patch.fill(self.grid, tile, around.margin(), measured);
-            self.patch.each_cell(&around, &mut |place, features| {
-                costs[place] = Some(judge.cost(&features));
+            self.patch.fill(self.grid, tile, &self.around, measured);
+            self.patch.each_cell(&self.around, &mut |place, features| {
+                costs[place] = judge.cost(&features);
             });
         }
-        self.put(&slots, &costs)
+        self.put(tile, &costs)
     }
 
-    /// Puts the costs of a tile where it is measured; true where one changed.
-    fn put(&mut self, slots: &TileSlots, costs: &[Option<CellCost>; CELLS]) -> bool {
+    /// Puts the costs of a tile; true where one changed. What is not measured costs nothing or,
+    /// seen through, all.
+    fn put(&mut self, tile: Tile, costs: &[CellCost; CELLS]) -> bool {
+        let slots = TileSlots::of(self.grid.window(), tile);
+        let samples = self.grid.samples();
         let mut changed = false;
-        for (place, measured) in costs.iter().enumerate() {
-            let slot = slots.slot(place);
-            let Some(held) = self.plane.get_mut(slot) else {
-                continue;
-            };
-            let cost = measured.unwrap_or_else(|| match self.grid.state_in(slot) {
-                State::SeenThrough => CellCost::new(1.0, Criterion::Hole),
-                _ => CellCost::UNKNOWN,
-            });
-            changed |= *held != cost;
-            *held = cost;
+        for (row, costs) in costs.chunks_exact(TILE as usize).enumerate() {
+            for (slot, cost) in slots.row(row).zip(costs) {
+                let (Some(held), Some(sample)) = (self.plane.get_mut(slot), samples.get(slot))
+                else {
+                    continue;
+                };
+                let cost = match sample.state() {
+                    State::SeenThrough => CellCost::HOLE,
+                    _ => *cost,
+                };
+                changed |= *held != cost;
+                *held = cost;
+            }
         }
         changed
     }
@@ -201,6 +203,8 @@ struct Judge<'a> {
     limits: &'a Limits,
     /// costs of roughness and dimension
     tile: [f32; 2],
+    /// −2 ln of the safe chance of a hidden step
+    doubt: f32,
 }
 
 impl<'a> Judge<'a> {
@@ -212,26 +216,43 @@ impl<'a> Judge<'a> {
                 limits.dimension.cost(r.dimension),
             ]
         });
-        Judge { limits, tile }
+        Judge {
+            limits,
+            tile,
+            doubt: -2.0 * math::ln(limits.hidden_step.safe),
+        }
     }
 
+    /// Of criteria that cost the same the first one counts.
     fn cost(&self, features: &Features) -> CellCost {
-        let costs = [
-            self.limits.step.cost(features.step),
-            self.limits.slope.cost(features.slope),
-            self.tile[0],
-            self.tile[1],
-            self.limits.uncertainty.cost(features.uncertainty),
-            self.limits.hidden_step.cost(features.hidden_step),
-        ];
-        let (mut worst, mut criterion) = (0.0, Criterion::Free);
-        for (cost, candidate) in costs.into_iter().zip(CRITERIA) {
-            if cost > worst {
-                (worst, criterion) = (cost, candidate);
+        let limits = self.limits;
+        let mut worst = (0.0, Criterion::Free);
+        let mut meet = |cost, criterion| {
+            if cost > worst.0 {
+                worst = (cost, criterion);
             }
+        };
+        meet(limits.step.cost(features.step), Criterion::Step);
+        // a slope is less than its gradient
+        if features.gradient_square > square(limits.slope.safe) {
+            meet(limits.slope.cost(features.slope()), Criterion::Slope);
         }
-        CellCost::new(worst, criterion)
+        meet(self.tile[0], Criterion::Roughness);
+        meet(self.tile[1], Criterion::Dimension);
+        if features.variance > square(limits.uncertainty.safe) {
+            let cost = limits.uncertainty.cost(features.uncertainty());
+            meet(cost, Criterion::Uncertainty);
+        }
+        if !features.hides_less(self.doubt) {
+            let cost = limits.hidden_step.cost(features.hidden_step());
+            meet(cost, Criterion::HiddenStep);
+        }
+        CellCost::new(worst.0, worst.1)
     }
+}
+
+fn square(x: f32) -> f32 {
+    x * x
 }
 
 #[cfg(test)]
@@ -256,16 +277,11 @@ mod tests {
     #[test]
     fn the_worst_criterion_decides() {
         let limits = Limits::default();
-        let smooth = Features {
-            slope: 0.0,
-            step: 0.0,
-            hidden_step: 0.0,
-            uncertainty: 0.0,
-        };
+        let smooth = Features::FLAT;
         let judge = Judge::new(&limits, None);
         assert_eq!(judge.cost(&smooth), CellCost::new(0.0, Criterion::Free));
         let steep = Features {
-            slope: 0.435,
+            gradient_square: 0.435f32.tan().powi(2),
             step: 0.12,
             ..smooth
         };

@@ -24,8 +24,8 @@
 //! they are multiplied with y. That gives slope and step. The step and the greatest variance of
 //! all tell whether a neighbour might be likelier to hide a step than the unseen ground is, and
 //! only then the neighbours are asked one by one. Of the unseen ones the farthest counts: the
-//! bits of a row tell of eight cells at once. What a disc looks like, and the powers d^{2H}, are
-//! the same for all cells of a tile. A slope needs at least [`LEAST`] measured cells that do not
+//! bits of a row tell of eight cells at once. What a disc looks like is the same for all tiles,
+//! the powers d^{2H} are for all cells of one. A slope needs at least [`LEAST`] measured cells that do not
 //! lie on a line; otherwise it is NaN.
 //!
 //! Cost, for four cells: 24 operations for each pair of columns of a row, 17 for each row of a
@@ -56,17 +56,43 @@ const EDGE: usize = TILE as usize;
 /// Side of a tile with its margin.
 const SIDE: usize = (TILE + 2 * REACH) as usize;
 
-/// What the ground around a cell is like.
+/// What the ground around a cell is like. Roots, arcs and chances are worked out when asked
+/// for: most ground is known to cost nothing without them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Features {
-    /// slope \[rad\]; NaN where too little was measured
-    pub slope: f32,
+    /// squared gradient \[(m/m)²\]; NaN where too little was measured
+    pub(super) gradient_square: f32,
     /// greatest difference of elevation to the cell \[m\]
     pub step: f32,
-    /// chance that a step exceeds the limit
-    pub hidden_step: f32,
-    /// standard deviation of the cell's elevation \[m\]
-    pub uncertainty: f32,
+    /// variance of the cell's elevation \[m²\]
+    pub(super) variance: f32,
+    /// the neighbour most likely to hide a step
+    pub(super) worst: Worst,
+    /// the step that must not be exceeded \[m\]
+    pub(super) limit: f32,
+}
+
+impl Features {
+    /// Slope \[rad\]; NaN where too little was measured.
+    pub fn slope(&self) -> f32 {
+        math::atan(math::sqrt(self.gradient_square))
+    }
+
+    /// Chance that a step exceeds the limit.
+    pub fn hidden_step(&self) -> f32 {
+        exceeds(self.worst.margin, self.worst.spread, self.limit)
+    }
+
+    /// Is that chance at most e^(−doubt / 2)? By Chernoff's bound, erfc(x) ≤ e^(−x²).
+    #[inline(always)]
+    pub(super) fn hides_less(&self, doubt: f32) -> bool {
+        self.worst.margin >= doubt * self.worst.spread
+    }
+
+    /// Standard deviation of the cell's elevation \[m\].
+    pub fn uncertainty(&self) -> f32 {
+        math::sqrt(self.variance)
+    }
 }
 
 /// Elevations and variances of a tile and its margin, row by row.
@@ -109,7 +135,9 @@ pub(crate) struct Around {
     /// in it?
     rows: [u32; REACH as usize + 1],
     /// half the width of its rows
-    widths: [i32; REACH as usize + 1],
+    widths: [usize; REACH as usize + 1],
+    /// by half a width; bit i: is the row radius − i of the disc at least as wide?
+    as_wide: [u32; REACH as usize + 1],
     /// where its cells begin in [`FARTHEST_FIRST`]
     first: usize,
     /// σ² d^{2H} by squared distance in cells; 0 where the roughness is not known
@@ -117,47 +145,49 @@ pub(crate) struct Around {
 }
 
 impl Around {
-    /// For cells of `resolution` \[m\], in the limits' window, on ground of this roughness.
-    pub(crate) fn new(resolution: f32, limits: &Limits, roughness: Option<&Roughness>) -> Self {
+    /// For cells of `resolution` \[m\], in the limits' window, on ground of unknown roughness.
+    pub(crate) fn new(resolution: f32, limits: &Limits) -> Self {
         let radius = disc(limits.window / resolution);
-        let (mut rows, mut widths) = ([0; REACH as usize + 1], [0; REACH as usize + 1]);
-        for y in 0..=radius {
-            for x in (-radius..=radius).filter(|&x| is_within(radius, x, y)) {
-                rows[y as usize] |= 1 << (x + radius);
-                widths[y as usize] = x;
-            }
-        }
-        Around {
+        let mut around = Around {
             resolution,
             radius,
             limit: limits.step.critical,
-            rows,
-            widths,
-            first: FARTHEST_FIRST.partition_point(|&(x, y)| !is_within(radius, x.into(), y.into())),
-            hidden: variances(resolution, radius, roughness),
+            rows: [0; REACH as usize + 1],
+            widths: [0; REACH as usize + 1],
+            as_wide: [0; REACH as usize + 1],
+            first: FARTHEST_FIRST
+                .iter()
+                .take_while(|&&(x, y)| !is_within(radius, x.into(), y.into()))
+                .count(),
+            hidden: [0.0; SQUARES],
+        };
+        for y in 0..=radius {
+            let row = y as usize;
+            for x in (-radius..=radius).filter(|&x| is_within(radius, x, y)) {
+                around.rows[row] |= 1 << (x + radius);
+                around.widths[row] = x.unsigned_abs() as usize;
+            }
+            for width in 0..=around.widths[row] {
+                around.as_wide[width] |= 1 << (radius - y) | 1 << (radius + y);
+            }
         }
+        around
     }
 
-    /// Cells around a tile that its features depend on.
-    pub(crate) fn margin(&self) -> i32 {
-        self.radius
-    }
-}
-
-/// σ² d^{2H} by squared distance in cells.
-fn variances(resolution: f32, radius: i32, roughness: Option<&Roughness>) -> [f32; SQUARES] {
-    let mut variances = [0.0; SQUARES];
-    let Some(r) = roughness else {
-        return variances;
-    };
-    for y in 1..=radius {
-        for x in (0..=y).filter(|&x| is_within(radius, x, y)) {
-            let square = (x * x + y * y) as usize;
-            let metres = square as f32 * resolution * resolution;
-            variances[square] = r.sigma * r.sigma * math::exp(r.hurst * math::ln(metres));
+    /// The same ground, this rough.
+    pub(crate) fn set_roughness(&mut self, roughness: Option<&Roughness>) {
+        let mut last = 0;
+        for &(x, y) in &FARTHEST_FIRST[self.first..] {
+            let square = square(x, y);
+            if square != last {
+                let metres = f32::from(square) * self.resolution * self.resolution;
+                self.hidden[usize::from(square)] = roughness.map_or(0.0, |r| {
+                    r.sigma * r.sigma * math::exp(r.hurst * math::ln(metres))
+                });
+                last = square;
+            }
         }
     }
-    variances
 }
 
 /// Is the cell at this offset in the disc, and not its middle?
@@ -173,10 +203,15 @@ impl Strip {
         measured: 0,
     };
 
-    /// Is a cell measured of four at a column and those `width` to both sides of them?
+    /// From four cells at a column to the nearest one that is measured \[columns\].
     #[inline(always)]
-    fn is_measured(&self, column: usize, width: usize) -> bool {
-        self.measured >> (column - width) & ((1 << (2 * width + LANES)) - 1) != 0
+    fn nearest(&self, column: usize) -> usize {
+        if self.measured >> column & ALL_LANES != 0 {
+            return 0;
+        }
+        let east = (self.measured >> (column + LANES)).trailing_zeros();
+        let west = (self.measured << (u32::BITS as usize - column)).leading_zeros();
+        1 + east.min(west) as usize
     }
 
     /// The sums for the four cells at a column, by the width of the row of a disc.
@@ -195,11 +230,6 @@ impl Strip {
             *sum = row;
         }
     }
-
-    fn empty(&mut self) {
-        (self.elevation, self.count) = (Strip::EMPTY.elevation, Strip::EMPTY.count);
-        self.measured = 0;
-    }
 }
 
 impl Patch {
@@ -212,13 +242,13 @@ impl Patch {
         }
     }
 
-    /// Unpacks a tile and `margin` cells around it; `measured` tells which are, of the tiles
+    /// Unpacks what a tile's features depend on; `measured` tells which cells are, of the tiles
     /// of [`Tile::around`].
     pub(crate) fn fill(
         &mut self,
         grid: &ElevationGrid,
         tile: Tile,
-        margin: i32,
+        around: &Around,
         measured: &[TileBits; 9],
     ) {
         let corner = tile.origin().offset(-REACH, -REACH);
@@ -227,13 +257,19 @@ impl Patch {
             let column = window.column_part(corner.x.wrapping_add(x as i32));
             column.unwrap_or_default()
         });
-        let reached = ((1 << (TILE + 2 * margin)) - 1) << (REACH - margin);
+        let radius = around.radius as usize;
+        let reached = ((1 << (EDGE + 2 * radius)) - 1) << (REACH as usize - radius);
         let mut is_first = true;
         self.variance = 0.0;
-        for y in (REACH - margin) as usize..(TILE + REACH + margin) as usize {
-            self.strips[y].empty();
+        for y in REACH as usize - radius..EDGE + REACH as usize + radius {
             let row = |i: usize| (measured[y / 8 * 3 + i] >> (8 * (y % 8))) as u32 & 0xff;
             let of_row = (row(0) | row(1) << 8 | row(2) << 16) & reached;
+            self.strips[y].measured = of_row;
+            if of_row == 0 {
+                continue;
+            }
+            self.strips[y].elevation = Strip::EMPTY.elevation;
+            self.strips[y].count = Strip::EMPTY.count;
             let start = window
                 .row_part(corner.y.wrapping_add(y as i32))
                 .unwrap_or_default();
@@ -252,9 +288,10 @@ impl Patch {
         let strip = &mut self.strips[y];
         strip.elevation[x] = elevation - self.datum;
         strip.variance[x] = variance + TINY;
-        self.variance = self.variance.max(variance + TINY);
+        if variance + TINY > self.variance {
+            self.variance = variance + TINY;
+        }
         strip.count[x] = 1.0;
-        strip.measured |= 1 << x;
     }
 
     /// Calls `each` with the place in the tile (8 row + column) and the features of each
@@ -281,7 +318,8 @@ impl Patch {
         if measured == [0; EDGE] {
             return;
         }
-        let discs = self.discs(column, around, &measured);
+        let mut discs = [Discs::EMPTY; EDGE];
+        self.add_discs(column, around, &measured, &mut discs);
         for (row, disc) in discs
             .iter()
             .enumerate()
@@ -292,16 +330,13 @@ impl Patch {
             let steps = disc.steps(lanes(&own.elevation[column..])).to_array();
             for lane in places_of(u64::from(measured[row])) {
                 let place = [row + REACH as usize, column + lane];
+                let hidden = around.hidden[usize::from(unseen[row][first + lane])];
                 let features = Features {
-                    slope: math::atan2(math::sqrt(squares[lane]), 1.0),
+                    gradient_square: squares[lane],
                     step: steps[lane],
-                    hidden_step: self.hidden_step(
-                        place,
-                        around,
-                        steps[lane],
-                        around.hidden[usize::from(unseen[row][first + lane])],
-                    ),
-                    uncertainty: math::sqrt(own.variance[place[1]]),
+                    variance: own.variance[place[1]],
+                    worst: self.worst(place, around, steps[lane], hidden),
+                    limit: around.limit,
                 };
                 each(EDGE * row + first + lane, features);
             }
@@ -314,39 +349,46 @@ impl Patch {
         &self.strips[row + REACH as usize]
     }
 
-    /// What the discs around four cells of each row add up to, where there are `measured`
+    /// Adds what the discs around four cells of each row add up to, where there are `measured`
     /// ones: every strip is summed once and given to all rows that it is near to.
     #[inline(always)]
-    fn discs(&self, column: usize, around: &Around, measured: &[u32; EDGE]) -> [Discs; EDGE] {
-        let mut discs = [Discs::EMPTY; EDGE];
+    fn add_discs(
+        &self,
+        column: usize,
+        around: &Around,
+        measured: &[u32; EDGE],
+        discs: &mut [Discs; EDGE],
+    ) {
+        const FIRST: usize = 2 * REACH as usize;
+        let rows = (0..EDGE).fold(0, |rows, row| {
+            rows | u32::from(measured[row] != 0) << (FIRST + row)
+        });
         let mut sums = [Row::EMPTY; REACH as usize + 1];
         let radius = around.radius as usize;
-        for (y, strip) in self.strips.iter().enumerate() {
-            if !strip.is_measured(column, radius) {
+        let reached = REACH as usize - radius..FIRST + radius;
+        for (y, strip) in reached.clone().zip(&self.strips[reached]) {
+            let nearest = strip.nearest(column);
+            if nearest > radius {
                 continue;
             }
-            let rows = (y.saturating_sub(radius + REACH as usize))
-                ..(y + radius + 1).saturating_sub(REACH as usize).min(EDGE);
-            let mut is_summed = false;
-            for row in rows.filter(|&row| measured[row] != 0) {
-                let dy = y as i32 - row as i32 - REACH;
-                let width = around.widths[dy.unsigned_abs() as usize] as usize;
-                if strip.is_measured(column, width) {
-                    if !is_summed {
-                        strip.sum(column, &mut sums[..=radius]);
-                        is_summed = true;
-                    }
-                    discs[row].add(&sums[width], Lanes::splat(dy as f32));
-                }
+            let southmost = y + REACH as usize - radius;
+            let asked = rows >> southmost & around.as_wide[nearest];
+            if asked == 0 {
+                continue;
+            }
+            strip.sum(column, &mut sums[..=radius]);
+            for i in places_of(u64::from(asked)) {
+                let dy = radius as i32 - i as i32;
+                let width = around.widths[dy.unsigned_abs() as usize];
+                discs[southmost + i - FIRST].add(&sums[width], Lanes::splat(dy as f32));
             }
         }
-        discs
     }
 
     /// Squared distances of the farthest cells of the discs around the measured cells of a row
     /// that are not measured; 0 where all are.
     fn farthest_unseen(&self, row: usize, around: &Around) -> [u8; EDGE] {
-        let mut farthest = [0; EDGE];
+        let mut farthest = 0;
         let mut asked = self.strip_of(row).measured >> REACH & ((1 << EDGE) - 1);
         for &(x, y) in &FARTHEST_FIRST[around.first..] {
             if asked == 0 {
@@ -354,18 +396,18 @@ impl Patch {
             }
             let strip = &self.strips[(row as i32 + REACH + i32::from(y)) as usize];
             let unseen = asked & !(strip.measured >> (REACH + i32::from(x)));
-            asked &= !unseen;
-            for column in places_of(u64::from(unseen)) {
-                farthest[column] = square(x, y);
+            if unseen != 0 {
+                asked &= !unseen;
+                farthest |= bytes_of(unseen) * u64::from(square(x, y));
             }
         }
-        farthest
+        farthest.to_le_bytes()
     }
 
-    /// The greatest chance that a step hides at a cell whose highest step is this one, where
+    /// The neighbour most likely to hide a step at a cell whose highest step is this one, where
     /// what was not seen varies by `unseen`.
     #[inline(always)]
-    fn hidden_step(&self, place: [usize; 2], around: &Around, step: f32, unseen: f32) -> f32 {
+    fn worst(&self, place: [usize; 2], around: &Around, step: f32, unseen: f32) -> Worst {
         let (own, limit) = (self.strips[place[0]].variance[place[1]], around.limit);
         let mut worst = Worst {
             margin: limit * limit,
@@ -377,7 +419,7 @@ impl Patch {
         if worst.is_less(least, spread) && !is_beyond_doubt(least, spread) {
             self.ask_neighbours(place, around, &mut worst);
         }
-        exceeds(worst.margin, worst.spread, limit)
+        worst
     }
 
     fn ask_neighbours(&self, [row, column]: [usize; 2], around: &Around, worst: &mut Worst) {
@@ -393,6 +435,14 @@ impl Patch {
             }
         }
     }
+}
+
+/// A byte for each of eight bits.
+fn bytes_of(bits: u32) -> u64 {
+    const ONES: u64 = u64::MAX / 0xff;
+    // byte i is 0 or 1 << i, and carries into its highest bit where it is not 0
+    let apart = (u64::from(bits) * ONES) & 0x8040_2010_0804_0201;
+    ((apart + 0x7f * ONES) >> 7) & ONES
 }
 
 /// The cells of the greatest disc, without its middle, the farthest first.
@@ -479,13 +529,13 @@ impl Row {
     /// The middle alone.
     #[inline(always)]
     fn of(middle: Seen) -> Self {
-        let mut row = Row {
+        Row {
             count: middle.count,
             z: middle.z,
+            highest: middle.z - middle.gap(),
+            lowest: middle.z + middle.gap(),
             ..Row::EMPTY
-        };
-        row.meet(middle);
-        row
+        }
     }
 
     /// Adds the cells x columns to the west and to the east.
@@ -503,8 +553,7 @@ impl Row {
 
     #[inline(always)]
     fn meet(&mut self, seen: Seen) {
-        // what was not measured is neither highest nor lowest
-        let gap = seen.count.simd_eq(Lanes::ZERO) & Lanes::splat(FAR);
+        let gap = seen.gap();
         self.highest = self.highest.fast_max(seen.z - gap);
         self.lowest = self.lowest.fast_min(seen.z + gap);
     }
@@ -515,6 +564,14 @@ impl Row {
 struct Seen {
     count: Lanes,
     z: Lanes,
+}
+
+impl Seen {
+    /// What was not measured is neither highest nor lowest.
+    #[inline(always)]
+    fn gap(&self) -> Lanes {
+        Lanes::splat(FAR) - Lanes::splat(FAR) * self.count
+    }
 }
 
 /// What the measured cells of the disc, its middle among them, add up to, for four cells.
@@ -586,7 +643,8 @@ impl Discs {
 }
 
 /// The neighbour most likely to exceed the limit.
-struct Worst {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Worst {
     /// (limit − |Δ|) |limit − |Δ|| and s²: their quotient is the least
     margin: f32,
     spread: f32,
@@ -627,13 +685,12 @@ fn exceeds(margin: f32, variance: f32, limit: f32) -> f32 {
         limit - rest
     };
     let scale = 1.0 / math::sqrt(2.0 * variance);
-    let tail = |x: f32| if x > 4.0 { 0.0 } else { math::erfc(x) };
-    let near = tail((limit - mean) * scale);
+    let near = math::erfc((limit - mean) * scale);
     // what was not seen differs by 0 in the mean: both tails are one
     let far = if mean == 0.0 {
         near
     } else {
-        tail((limit + mean) * scale)
+        math::erfc((limit + mean) * scale)
     };
     0.5 * (near + far)
 }
@@ -643,12 +700,32 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    impl Features {
+        pub(crate) const FLAT: Features = Features {
+            gradient_square: 0.0,
+            step: 0.0,
+            variance: 0.0,
+            worst: Worst {
+                margin: 1.0,
+                spread: TINY,
+            },
+            limit: 1.0,
+        };
+    }
+
+    impl Patch {
+        fn put(&mut self, [x, y]: [usize; 2], ground: [f32; 2]) {
+            self.set([x, y], ground);
+            self.strips[y].measured |= 1 << x;
+        }
+    }
+
     fn patch(height: impl Fn(f32, f32) -> Option<f32>) -> Patch {
         let mut patch = Patch::new();
         for y in 0..SIDE {
             for x in 0..SIDE {
                 if let Some(z) = height(x as f32 * 0.1, y as f32 * 0.1) {
-                    patch.set([x, y], [z, 1e-6]);
+                    patch.put([x, y], [z, 1e-6]);
                 }
             }
         }
@@ -662,19 +739,24 @@ mod tests {
         *features[8 * row..].first_chunk().unwrap()
     }
 
+    fn on(roughness: Option<&Roughness>, mut around: Around) -> Around {
+        around.set_roughness(roughness);
+        around
+    }
+
     fn around(roughness: Option<&Roughness>) -> Around {
         let mut limits = Limits::default();
         limits.step.critical = 0.2;
-        Around::new(0.1, &limits, roughness)
+        on(roughness, Around::new(0.1, &limits))
     }
 
     #[test]
     fn a_plane_has_its_slope_and_the_step_of_its_window() {
         let patch = patch(|x, y| Some(5.0 + 0.3 * x - 0.4 * y));
         for features in row(&patch, 3, &around(None)).map(Option::unwrap) {
-            assert!((features.slope - 0.5f32.atan()).abs() < 1e-4);
+            assert!((features.slope() - 0.5f32.atan()).abs() < 1e-4);
             assert!((features.step - 0.15).abs() < 0.01, "{}", features.step);
-            assert!(features.hidden_step < 1e-6);
+            assert!(features.hidden_step() < 1e-6);
         }
     }
 
@@ -686,7 +768,7 @@ mod tests {
         assert_eq!(cells[0].step, 0.0);
         assert!((cells[1].step - 0.5).abs() < 1e-6 && (cells[6].step - 0.5).abs() < 1e-6);
         assert_eq!(cells[7].step, 0.0);
-        assert!(cells[3].hidden_step > 0.999 && cells[0].hidden_step < 1e-6);
+        assert!(cells[3].hidden_step() > 0.999 && cells[0].hidden_step() < 1e-6);
     }
 
     #[test]
@@ -700,7 +782,7 @@ mod tests {
         let chance = |sigma| {
             row(&patch, 4, &around(Some(&rough(sigma))))[2]
                 .unwrap()
-                .hidden_step
+                .hidden_step()
         };
         assert!(chance(0.05) < 1e-4);
         // σ(0.3 m) = 0.5 √0.3 = 0.274: P(|Δ| > 0.2) = erfc(0.2 / (0.274 √2)) = 0.465
@@ -708,7 +790,7 @@ mod tests {
         assert!(
             row(&patch, 0, &around(Some(&rough(0.5))))[0]
                 .unwrap()
-                .hidden_step
+                .hidden_step()
                 < 1e-4
         );
     }
@@ -775,12 +857,12 @@ mod tests {
             });
             let limits = Limits { window, ..Limits::default() };
             let rough = Roughness { hurst: 0.6, sigma, ..Roughness::default() };
-            let around = Around::new(0.1, &limits, Some(&rough));
+            let around = on(Some(&rough), Around::new(0.1, &limits));
             let mut patch = Patch::new();
-            let (low, high) = (REACH - around.margin(), TILE + REACH + around.margin());
+            let (low, high) = (REACH - around.radius, TILE + REACH + around.radius);
             for (y, x) in (low..high).flat_map(|y| (low..high).map(move |x| (y, x))) {
                 if let Some(ground) = at(x, y) {
-                    patch.set([x as usize, y as usize], ground);
+                    patch.put([x as usize, y as usize], ground);
                 }
             }
             for y in 0..TILE {
@@ -790,13 +872,13 @@ mod tests {
                     let Some(found) = found else { continue };
                     let exact = |x, y| at(x, y).map(|ground| ground.map(f64::from));
                     let [slope, step, rest] = defined(exact, place, &around);
-                    prop_assert_eq!(found.slope.is_nan(), slope.is_nan());
-                    prop_assert!(slope.is_nan() || (f64::from(found.slope) - slope).abs() < 1e-3, "{} {slope}", found.slope);
+                    prop_assert_eq!(found.slope().is_nan(), slope.is_nan());
+                    prop_assert!(slope.is_nan() || (f64::from(found.slope()) - slope).abs() < 1e-3, "{} {slope}", found.slope());
                     prop_assert!((f64::from(found.step) - step).abs() < 1e-5);
                     let tail = |x: f64| 0.5 * f64::from(math::erfc((x / 2f64.sqrt()) as f32));
                     // the tail beyond −limit is less than the one beyond the limit
                     let (least, most) = (tail(rest), 2.0 * tail(rest));
-                    let chance = f64::from(found.hidden_step);
+                    let chance = f64::from(found.hidden_step());
                     prop_assert!((least - 1e-3..=most + 1e-3).contains(&chance), "{chance}: {least} {most}");
                 }
             }
@@ -806,6 +888,6 @@ mod tests {
     #[test]
     fn too_little_is_no_slope() {
         let patch = patch(|x, y| ((y - 1.2).abs() < 0.05 && x < 1.25).then_some(x));
-        assert!(row(&patch, 4, &around(None))[2].unwrap().slope.is_nan());
+        assert!(row(&patch, 4, &around(None))[2].unwrap().slope().is_nan());
     }
 }

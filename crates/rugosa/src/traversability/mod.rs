@@ -41,11 +41,10 @@ impl Pair {
     /// ```
     #[inline]
     pub fn cost(&self, value: f32) -> f32 {
-        let part = (value - self.safe) / (self.critical - self.safe);
-        if part > 1.0 {
+        if value >= self.critical {
             1.0
-        } else if part > 0.0 {
-            part
+        } else if value > self.safe {
+            (value - self.safe) / (self.critical - self.safe)
         } else {
             0.0
         }
