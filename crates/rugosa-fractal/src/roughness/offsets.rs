@@ -54,24 +54,34 @@ pub fn offsets(lag: usize) -> &'static [(i8, i8)] {
     &TABLE[START[lag] as usize..START[lag + 1] as usize]
 }
 
-/// The offsets of a lag that lie in one row of cells: bit x + [`REACH`] for the column x.
+/// The offsets of a lag that lie in one row of cells: with each its mirror image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Row {
     /// rows to the north, 0 … [`REACH`]
-    pub y: i8,
-    /// columns of the offsets
-    pub upper: u64,
-    /// columns of their opposites, y rows to the south
-    pub lower: u64,
+    y: i8,
+    /// bit x for the columns x and −x
+    columns: u32,
 }
 
 impl Row {
-    /// Where the upper or the lower partners of a cell lie: rows to the north and columns.
+    /// Where the upper or the lower partners of a cell lie: rows to the north, and columns
+    /// (bit x + [`REACH`]).
+    ///
+    /// ```
+    /// use rugosa_fractal::roughness::offsets::rows;
+    /// let [row, next] = rows(0) else { panic!() };
+    /// assert_eq!((row.partners(true), row.partners(false)), ((0, 1 << 17), (0, 1 << 15)));
+    /// assert_eq!((next.partners(true), next.partners(false)), ((1, 7 << 15), (-1, 7 << 15)));
+    /// ```
     #[inline(always)]
-    pub(super) fn partners(&self, is_upper: bool) -> (i8, u64) {
-        match is_upper {
-            true => (self.y, self.upper),
-            false => (-self.y, self.lower),
+    pub fn partners(&self, is_upper: bool) -> (i8, u64) {
+        let east = u64::from(self.columns) << REACH;
+        let west = u64::from(self.columns.reverse_bits()) >> (u32::BITS as i32 - 1 - REACH);
+        match (is_upper, self.y > 0) {
+            (true, true) => (self.y, east | west),
+            (false, true) => (-self.y, east | west),
+            (true, false) => (0, east),
+            (false, false) => (0, west),
         }
     }
 }
@@ -82,30 +92,21 @@ const ROW_START: [u8; LAGS + 1] = row_starts();
 static ROW_TABLE: [Row; ROWS] = row_table();
 
 /// The offsets of lag number `lag`, row by row.
-///
-/// ```
-/// use rugosa_fractal::roughness::offsets::rows;
-/// let [east, north] = rows(0) else { panic!() };
-/// assert_eq!((east.y, east.upper, east.lower), (0, 1 << 17, 1 << 15));
-/// assert_eq!((north.y, north.upper, north.lower), (1, 0b111 << 15, 0b111 << 15));
-/// ```
 #[inline]
 pub fn rows(lag: usize) -> &'static [Row] {
     &ROW_TABLE[ROW_START[lag] as usize..ROW_START[lag + 1] as usize]
 }
 
-/// The columns of a lag's offsets y rows to the north, and those of their opposites.
-const fn columns(lag: usize, y: i8) -> (u64, u64) {
-    let (mut upper, mut lower) = (0, 0);
-    let mut at = START[lag] as usize;
+/// The columns x ≥ 0 of a lag's offsets y rows to the north.
+const fn columns(lag: usize, y: i8) -> u32 {
+    let (mut columns, mut at) = (0, START[lag] as usize);
     while at < START[lag + 1] as usize {
-        if OFFSET_TABLE[at].1 == y {
-            upper |= 1 << (OFFSET_TABLE[at].0 as i32 + REACH);
-            lower |= 1 << (REACH - OFFSET_TABLE[at].0 as i32);
+        if OFFSET_TABLE[at].1 == y && OFFSET_TABLE[at].0 >= 0 {
+            columns |= 1 << OFFSET_TABLE[at].0;
         }
         at += 1;
     }
-    (upper, lower)
+    columns
 }
 
 const fn row_starts() -> [u8; LAGS + 1] {
@@ -114,7 +115,7 @@ const fn row_starts() -> [u8; LAGS + 1] {
         start[lag + 1] = start[lag];
         let mut y = 0;
         while y <= REACH as i8 {
-            start[lag + 1] += (columns(lag, y).0 != 0) as u8;
+            start[lag + 1] += (columns(lag, y) != 0) as u8;
             y += 1;
         }
         lag += 1;
@@ -123,18 +124,14 @@ const fn row_starts() -> [u8; LAGS + 1] {
 }
 
 const fn row_table() -> [Row; ROWS] {
-    let none = Row {
-        y: 0,
-        upper: 0,
-        lower: 0,
-    };
+    let none = Row { y: 0, columns: 0 };
     let (mut table, mut at, mut lag) = ([none; ROWS], 0, 0);
     while lag < LAGS {
         let mut y = 0;
         while y <= REACH as i8 {
-            let (upper, lower) = columns(lag, y);
-            if upper != 0 {
-                table[at] = Row { y, upper, lower };
+            let columns = columns(lag, y);
+            if columns != 0 {
+                table[at] = Row { y, columns };
                 at += 1;
             }
             y += 1;
@@ -255,6 +252,26 @@ mod tests {
         }
         assert_eq!(seen.len(), OFFSETS);
         assert!((80..=110).contains(&OFFSETS));
+    }
+
+    #[test]
+    fn rows_hold_the_offsets_and_their_opposites() {
+        for lag in 0..LAGS {
+            let partners = |is_upper| -> BTreeSet<(i8, i8)> {
+                let partners = rows(lag).iter().map(|row| row.partners(is_upper));
+                let each = |(y, columns): (i8, u64)| {
+                    (-REACH..=REACH).filter_map(move |x| {
+                        (columns >> (x + REACH) & 1 == 1).then_some((x as i8, y))
+                    })
+                };
+                partners.flat_map(each).collect()
+            };
+            assert_eq!(partners(true), offsets(lag).iter().copied().collect());
+            assert_eq!(
+                partners(false),
+                offsets(lag).iter().map(|&(x, y)| (-x, -y)).collect()
+            );
+        }
     }
 
     #[test]

@@ -52,7 +52,10 @@ struct WideSums {
     pairs: u32,
     noise: u64,
     excess: i64,
-    spread: [i64; 3],
+    /// Gxx and Gyy, enough for 29,000 full tiles
+    squares: [u32; 2],
+    /// Gxy
+    mixed: i32,
 }
 
 /// What one lag says: moments of elevation differences in metres.
@@ -171,16 +174,13 @@ impl Pool {
     /// g = (Σ G)⁻¹ Σ T in height steps per cell.
     fn gradient(&self) -> [f32; 2] {
         let mut t = [0; 2];
-        let mut g = [0; 3];
+        let [mut xx, mut xy, mut yy] = [0.0; 3];
         for lag in &self.lags {
             t = [t[0] + lag.trend[0], t[1] + lag.trend[1]];
-            g = [
-                g[0] + lag.spread[0],
-                g[1] + lag.spread[1],
-                g[2] + lag.spread[2],
-            ];
+            let spread = lag.spread();
+            (xx, xy, yy) = (xx + spread[0], xy + spread[1], yy + spread[2]);
         }
-        let ([tx, ty], [xx, xy, yy]) = (t.map(signed), g.map(signed));
+        let [tx, ty] = t.map(signed);
         let determinant = xx * yy - xy * xy;
         if determinant <= 1e-3 * xx * yy {
             return [0.0; 2];
@@ -207,13 +207,17 @@ impl WideSums {
         self.pairs += sums.pairs;
         self.noise += u64::from(sums.noise);
         self.excess += i64::from(sums.excess);
-        let ([tx, ty], [xx, xy, yy]) = (sums.trend.map(i64::from), sums.spread.map(i64::from));
+        let ([tx, ty], [xx, xy, yy]) = (sums.trend.map(i64::from), sums.spread);
         self.trend = [self.trend[0] + tx, self.trend[1] + ty];
-        self.spread = [
-            self.spread[0] + xx,
-            self.spread[1] + xy,
-            self.spread[2] + yy,
-        ];
+        self.squares = [self.squares[0] + xx as u32, self.squares[1] + yy as u32];
+        self.mixed += xy;
+    }
+
+    /// G: xx, xy, yy
+    #[inline(always)]
+    fn spread(&self) -> [f32; 3] {
+        let [xx, yy] = self.squares.map(|square| square as f32);
+        [xx, self.mixed as f32, yy]
     }
 
     /// `excess` is X \[cells²\].
@@ -229,7 +233,7 @@ impl WideSums {
             return Moment::default();
         }
         let share = 1.0 / self.pairs as f32;
-        let ([tx, ty], [xx, xy, yy]) = (self.trend.map(signed), self.spread.map(signed));
+        let ([tx, ty], [xx, xy, yy]) = (self.trend.map(signed), self.spread());
         let trend = gx * (2.0 * tx - gx * (xx - 0.5 * excess) - 2.0 * gy * xy)
             + gy * (2.0 * ty - gy * (yy - 0.5 * excess));
         let square = (xx + yy + excess) * share;
