@@ -100,6 +100,12 @@ impl Sample {
         self.flags & MEASURED != 0
     }
 
+    /// Was the cell seen through, and holds no return?
+    #[inline]
+    pub fn is_seen_through(&self) -> bool {
+        self.flags & SEEN_THROUGH != 0
+    }
+
     /// Are its pairs in the counters of the structure function?
     #[inline]
     pub fn is_counted(&self) -> bool {

@@ -145,11 +145,9 @@ impl TileSlots {
     /// Those of `tile` in `window`.
     pub fn of(window: &Window, tile: Tile) -> Self {
         let corner = tile.origin();
-        let part = |part: Option<usize>| part.unwrap_or(usize::MAX / 2);
-        let near = |i: usize| corner.offset(i as i32, i as i32);
         TileSlots {
-            rows: from_fn(|i| part(window.row_part(near(i).y))),
-            columns: from_fn(|i| part(window.column_part(near(i).x))),
+            rows: parts(window.side(), |i| window.row_part(corner.y.wrapping_add(i))),
+            columns: parts(1, |i| window.column_part(corner.x.wrapping_add(i))),
         }
     }
 
@@ -177,6 +175,18 @@ impl TileSlots {
             bits | TileBits::from(is_measured(self.slot(place))) << place
         })
     }
+}
+
+/// The parts of the rows or columns of a tile, `step` apart where the ring is not joined
+/// between them.
+#[inline(always)]
+fn parts(step: usize, part: impl Fn(i32) -> Option<usize>) -> [usize; TILE as usize] {
+    if let (Some(first), Some(last)) = (part(0), part(TILE - 1))
+        && last == first + step * (TILE as usize - 1)
+    {
+        return from_fn(|i| first + step * i);
+    }
+    from_fn(|i| part(i as i32).unwrap_or(usize::MAX / 2))
 }
 
 /// The square of tiles that a window touches.
@@ -243,7 +253,9 @@ impl Tiles {
     /// assert_eq!(tiles.around(corner).iter().flatten().count(), 4);
     /// ```
     pub fn around(&self, tile: Tile) -> [Option<usize>; 9] {
-        tile.around().map(|near| self.slot(near))
+        let rows = [-1, 0, 1].map(|y| self.0.row_part(tile.y.wrapping_add(y)));
+        let columns = [-1, 0, 1].map(|x| self.0.column_part(tile.x.wrapping_add(x)));
+        from_fn(|i| Some(rows[i / 3]? + columns[i % 3]?))
     }
 
     /// All tiles, row by row from the south-west corner.

@@ -353,6 +353,11 @@ impl Pair<'_> {
 
     /// Every cell of the window, and a border around it.
     fn compare(&self) {
+        let states = self.grid.samples().iter().map(Sample::state);
+        let count = |wanted| states.clone().filter(|state| *state == wanted).count() as u32;
+        let census = self.grid.census();
+        let counted = [State::Measured, State::SeenThrough].map(count);
+        assert_eq!([census.measured, census.seen_through], counted);
         let half = SIDE as i32 / 2 + 2;
         let [x, y] = self.naive.centre;
         for cell in (-half..=half).flat_map(|i| (-half..=half).map(move |j| [x + i, y + j])) {

@@ -276,7 +276,7 @@ impl ElevationGrid<'_> {
         if met == Met::Merged && !self.better(&old, height.steps, placed.part) {
             return Fused::Merged;
         }
-        self.samples[slot] = self.sample_of(placed, height.steps, depression());
+        self.put(slot, self.sample_of(placed, height.steps, depression()));
         match met {
             Met::Restarted => Fused::Restarted { cell, old },
             _ => Fused::Sampled { cell, old },

@@ -74,6 +74,7 @@ pub struct ElevationGrid<'m> {
     window: Window,
     cells: &'m mut [GroundCell],
     samples: &'m mut [Sample],
+    census: Census,
 }
 
 /// What a measured cell knows, in SI units.
@@ -122,6 +123,20 @@ pub struct Census {
     pub seen_through: u32,
 }
 
+impl Census {
+    #[inline]
+    fn enter(&mut self, sample: &Sample) {
+        self.measured += u32::from(sample.is_measured());
+        self.seen_through += u32::from(sample.is_seen_through());
+    }
+
+    #[inline]
+    fn leave(&mut self, sample: &Sample) {
+        self.measured -= u32::from(sample.is_measured());
+        self.seen_through -= u32::from(sample.is_seen_through());
+    }
+}
+
 impl<'m> ElevationGrid<'m> {
     /// An empty grid over two lent planes of `window.len()` entries each; what they held
     /// is cleared.
@@ -147,6 +162,7 @@ impl<'m> ElevationGrid<'m> {
             window,
             cells,
             samples,
+            census: Census::default(),
         })
     }
 
@@ -184,15 +200,18 @@ impl<'m> ElevationGrid<'m> {
         Ok(())
     }
 
-    /// Counts the cells by state.
+    /// The cells by state.
     pub fn census(&self) -> Census {
-        let mut census = Census::default();
-        for sample in self.samples.iter() {
-            let state = sample.state();
-            census.measured += u32::from(state == State::Measured);
-            census.seen_through += u32::from(state == State::SeenThrough);
-        }
-        census
+        self.census
+    }
+
+    /// Puts a sample in its place; returns the one that it replaces.
+    #[inline]
+    fn put(&mut self, slot: usize, sample: Sample) -> Sample {
+        let old = core::mem::replace(&mut self.samples[slot], sample);
+        self.census.leave(&old);
+        self.census.enter(&sample);
+        old
     }
 
     /// Was one of these `cells` of a tile last touched in this sweep (its low 16 bits)?

@@ -103,7 +103,7 @@ impl ElevationGrid<'_> {
             self.ceiling = saved.elevation;
         }
         self.cells[slot] = held;
-        let old = core::mem::replace(&mut self.samples[slot], sample);
+        let old = self.put(slot, sample);
         changed(&self.window, self.samples, cell, &old);
         true
     }

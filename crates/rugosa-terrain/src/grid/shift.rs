@@ -155,7 +155,7 @@ impl ElevationGrid<'_> {
         let Some(slot) = self.window.slot(cell) else {
             return;
         };
-        let old = core::mem::replace(&mut self.samples[slot], replacement);
+        let old = self.put(slot, replacement);
         self.cells[slot] = GroundCell::default();
         if old.is_measured() {
             forget(&self.window, self.samples, cell, &old);
