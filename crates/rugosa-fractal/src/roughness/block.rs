@@ -93,7 +93,7 @@ impl Block {
             east: [0; CELLS],
             north: [0; CELLS],
             variance: [0; CELLS],
-            extents: [NO_HEIGHTS; ACROSS],
+            extents: [[0; 2]; ACROSS],
             held: None,
             nearby: Nearby::new(),
         }

@@ -34,11 +34,12 @@ pub(super) struct Nearby {
 }
 
 impl Nearby {
+    /// Near nothing; all zeros, so that it takes no flash.
     pub(super) const fn new() -> Self {
         Nearby {
             measured: [0; SPAN],
-            rows: [NOWHERE; SPAN],
-            columns: [NOWHERE; SPAN],
+            rows: [0; SPAN],
+            columns: [0; SPAN],
             held: None,
             known: Known::NOTHING,
             own: [Sample::UNKNOWN; 64],
