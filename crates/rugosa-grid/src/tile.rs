@@ -146,8 +146,8 @@ impl TileSlots {
     pub fn of(window: &Window, tile: Tile) -> Self {
         let corner = tile.origin();
         TileSlots {
-            rows: parts(window.side(), |i| window.row_part(corner.y.wrapping_add(i))),
-            columns: parts(1, |i| window.column_part(corner.x.wrapping_add(i))),
+            rows: window.row_parts(corner.y),
+            columns: window.column_parts(corner.x),
         }
     }
 
@@ -175,18 +175,6 @@ impl TileSlots {
             bits | TileBits::from(is_measured(self.slot(place))) << place
         })
     }
-}
-
-/// The parts of the rows or columns of a tile, `step` apart where the ring is not joined
-/// between them.
-#[inline(always)]
-fn parts(step: usize, part: impl Fn(i32) -> Option<usize>) -> [usize; TILE as usize] {
-    if let (Some(first), Some(last)) = (part(0), part(TILE - 1))
-        && last == first + step * (TILE as usize - 1)
-    {
-        return from_fn(|i| first + step * i);
-    }
-    from_fn(|i| part(i as i32).unwrap_or(usize::MAX / 2))
 }
 
 /// The square of tiles that a window touches.
@@ -253,9 +241,28 @@ impl Tiles {
     /// assert_eq!(tiles.around(corner).iter().flatten().count(), 4);
     /// ```
     pub fn around(&self, tile: Tile) -> [Option<usize>; 9] {
-        let rows = [-1, 0, 1].map(|y| self.0.row_part(tile.y.wrapping_add(y)));
-        let columns = [-1, 0, 1].map(|x| self.0.column_part(tile.x.wrapping_add(x)));
-        from_fn(|i| Some(rows[i / 3]? + columns[i % 3]?))
+        let around = self.block::<3, 3>(Tile::new(tile.x.wrapping_sub(1), tile.y.wrapping_sub(1)));
+        from_fn(|i| around[i / 3][i % 3])
+    }
+
+    /// Where the tiles of a rectangle live, row by row from its lowest tile.
+    ///
+    /// ```
+    /// use rugosa_grid::{Cell, Tile, Tiles, Window};
+    /// let tiles = Tiles::of(&Window::around(33, Cell::new(0, 0))); // tiles −2 … 2
+    /// let [row] = tiles.block::<3, 1>(Tile::new(1, 0));
+    /// assert_eq!(row, [tiles.slot(Tile::new(1, 0)), tiles.slot(Tile::new(2, 0)), None]);
+    /// ```
+    #[inline]
+    pub fn block<const ACROSS: usize, const UP: usize>(
+        &self,
+        lowest: Tile,
+    ) -> [[Option<usize>; ACROSS]; UP] {
+        let columns: [_; ACROSS] = from_fn(|x| self.0.column_part(lowest.x.wrapping_add(x as i32)));
+        from_fn(|y| {
+            let row = self.0.row_part(lowest.y.wrapping_add(y as i32));
+            columns.map(|column| Some(row? + column?))
+        })
     }
 
     /// All tiles, row by row from the south-west corner.

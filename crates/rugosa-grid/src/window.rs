@@ -13,6 +13,7 @@
 
 use crate::math;
 use crate::tile::{Tile, Tiles};
+use core::array::from_fn;
 
 /// Absolute address of a cell: column `x` to the east, row `y` to the north.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -214,6 +215,26 @@ impl Window {
             .then(|| wrap(column + self.start.x, self.side) as usize)
     }
 
+    /// The parts of `N` rows from `y` on; half of `usize::MAX` for those outside the window.
+    ///
+    /// ```
+    /// use rugosa_grid::{Cell, Window};
+    /// let window = Window::around(33, Cell::new(40, -7)); // rows −23 … 9
+    /// let [first, second, outside] = window.row_parts(8);
+    /// assert_eq!((Some(first), Some(second)), (window.row_part(8), window.row_part(9)));
+    /// assert_eq!(outside, usize::MAX / 2);
+    /// ```
+    #[inline]
+    pub fn row_parts<const N: usize>(&self, y: i32) -> [usize; N] {
+        parts(self.side(), |i| self.row_part(y.wrapping_add(i)))
+    }
+
+    /// The parts of `N` columns from `x` on, in the same way.
+    #[inline]
+    pub fn column_parts<const N: usize>(&self, x: i32) -> [usize; N] {
+        parts(1, |i| self.column_part(x.wrapping_add(i)))
+    }
+
     /// All cells, row by row from the south-west corner, x fastest.
     pub fn cells(&self) -> impl Iterator<Item = Cell> + use<> {
         let (origin, side) = (self.origin, self.side);
@@ -226,6 +247,17 @@ impl Window {
         let next = *next;
         self.cells().filter(move |&cell| !next.contains(cell))
     }
+}
+
+/// Parts that are `step` apart unless the ring is joined between them.
+#[inline]
+fn parts<const N: usize>(step: usize, part: impl Fn(i32) -> Option<usize>) -> [usize; N] {
+    if let (Some(first), Some(last)) = (part(0), part(N as i32 - 1))
+        && last == first + step * (N - 1)
+    {
+        return from_fn(|i| first + step * i);
+    }
+    from_fn(|i| part(i as i32).unwrap_or(usize::MAX / 2))
 }
 
 #[inline]

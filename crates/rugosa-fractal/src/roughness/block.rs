@@ -1,25 +1,24 @@
 //! The sums of one tile in one go, with vectors.
 //!
 //! The samples of the tile and of the margin that its pairs reach into are unpacked into a
-//! block of separate planes. The partners of an offset are then the tile's samples, all moved
-//! by the same distance in each plane. Eight pairs are taken at once, in 16 bits, and summed as
-//! dot products in 32 bits: the eight cells of a row of the tile where it is full, and eight of
-//! its samples where it is not. A height that is none tells that there is no pair. The results
-//! are the integers of single pairs (test `blocks_equal_single_pairs`): integer sums do not
-//! depend on their order.
+//! block of separate planes. The partners of a row of the tile at an offset are then eight
+//! neighbours in each plane. Their eight differences are taken at once and summed in 16 bits,
+//! squares in 32. A height that is none tells that there is no pair. The results are the integers
+//! of single pairs (test `blocks_equal_single_pairs`): integer sums do not depend on their order.
 //!
-//! Where the relief of the block exceeds `RELIEF_LIMIT` height steps the sums might overflow,
-//! and a processor without vectors gains nothing from them: there the tile's
-//! [samples are taken one by one](super::nearby).
+//! Where the relief of the block exceeds `RELIEF_LIMIT` height steps the sums might overflow; a
+//! tile with few samples is mostly gaps; and a processor without vectors gains nothing from
+//! rows. There the tile's pairs are taken one by one (`nearby.rs`).
 //!
 //! Tiles are recomputed from west to east, so a block keeps what it shares with the next one.
 //!
-//! Cost on x86-64: see `docs/results-roughness.md`.
+//! Cost on x86-64: 31,000 instructions for all rows of a tile at all offsets, 5,000 for the block.
 //!
-//! Rejected: pairs as bits that the tile has in common with the cells at an offset, one by one
-//! where they are few (fewer instructions, but each end of a run of bits is a branch that the
-//! processor cannot foresee); samples as records, four pairs of a list at a time; all 64 cells
-//! at each offset with 256-bit vectors chosen at run time; 32-bit lanes.
+//! Rejected: sums of a lag kept over all its offsets (they fall out of the registers: half the
+//! speed); eight samples of a sparse tile gathered from each plane (three instructions for each
+//! number); an offset's pairs one by one where they are few (each end of a run of bits is a
+//! branch that the processor cannot foresee); samples as records, four pairs of a list at a time;
+//! all 64 cells at each offset with 256-bit vectors chosen at run time; 32-bit lanes.
 
 use super::nearby::Nearby;
 use super::offsets::{LAGS, NEAR_LAGS, REACH, offsets};
@@ -54,7 +53,8 @@ const RELIEF_LIMIT: i32 = 4_095;
 /// Is this a processor whose 16-bit vectors are worth a block?
 pub(super) const HAS_VECTORS: bool = !cfg!(target_arch = "arm");
 
-/// Scratch memory: the samples of a tile and its margin, plane by plane.
+/// Scratch memory: the samples of a tile and its margin, plane by plane, where there are
+/// vectors (9.4 kB), and which of them are measured (2 kB).
 #[derive(Clone, Debug)]
 pub struct Block {
     /// \[height steps\]; `NONE` where there is no sample, and other planes hold anything
@@ -108,11 +108,12 @@ impl Block {
         tile: Tile,
         measured: impl Fn(Tile) -> TileBits,
     ) -> Option<[LagSums; LAGS]> {
+        let own = measured(tile);
         self.fill(window, samples, tile, measured);
         if !self.is_level() {
             return None;
         }
-        Some(from_fn(|lag| self.by_rows(lag)))
+        Some(from_fn(|lag| self.lag(lag, own)))
     }
 
     /// Do 32 bits hold the sums?
@@ -203,35 +204,25 @@ impl Block {
         self.variance[at] = (sample.variance ^ HALF) as i16;
     }
 
-    fn by_rows(&self, lag: usize) -> LagSums {
-        let lower = self.at_offset((0, 0));
-        if lag < NEAR_LAGS {
-            self.lag::<true>(lag, |upper, pairs, places| {
-                for row in 0..LANES {
-                    pairs.add::<true>(&lower.row(row), &upper.row(row), places);
-                }
-            })
-        } else {
-            self.lag::<false>(lag, |upper, pairs, places| {
-                for row in 0..LANES {
-                    pairs.add::<false>(&lower.row(row), &upper.row(row), places);
-                }
-            })
+    fn lag(&self, lag: usize, own: TileBits) -> LagSums {
+        match lag < NEAR_LAGS {
+            true => self.by_rows::<true>(lag, own),
+            false => self.by_rows::<false>(lag, own),
         }
     }
 
-    #[inline(always)]
-    fn lag<const NEAR: bool>(
-        &self,
-        lag: usize,
-        add: impl Fn(&Planes, &mut Pairs, [i16x8; 2]),
-    ) -> LagSums {
+    fn by_rows<const NEAR: bool>(&self, lag: usize, own: TileBits) -> LagSums {
         let mut sums = LagSums::EMPTY;
-        for &offset in offsets(lag) {
-            let mut pairs = Pairs::default();
-            let (x, y) = offset;
+        let lower = self.at_offset((0, 0));
+        for &(x, y) in offsets(lag) {
+            let upper = self.at_offset((x, y));
             let twice = [x, y].map(|o| i16x8::splat(2 * PARTS as i16 * i16::from(o)));
-            add(&self.at_offset(offset), &mut pairs, twice);
+            let mut pairs = Pairs::default();
+            for (row, bits) in own.to_le_bytes().into_iter().enumerate() {
+                if bits != 0 {
+                    pairs.add::<NEAR>(&lower.row(row), &upper.row(row), twice);
+                }
+            }
             pairs.add_to(&mut sums, (x.into(), y.into()));
         }
         sums

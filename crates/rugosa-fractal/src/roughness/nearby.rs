@@ -1,8 +1,12 @@
 //! Which samples near a tile are measured, and where they live.
 //!
-//! A sample's partners of a lag lie in a few rows. Of each row the measured cells are bits of
-//! one word, so the partners are the bits that it has in common with the offsets of that row:
-//! what was not measured costs nothing.
+//! Of each row the measured cells are bits of one word. A single sample's partners of a lag lie
+//! in a few rows: they are the bits that such a word has in common with the offsets of the row.
+//! The pairs of a whole tile at an offset are the bits that it has in common with the eight by
+//! eight cells there. What was not measured costs nothing either way.
+//!
+//! Cost on x86-64: 800 instructions for a sample and 45 for each of its pairs; for a tile 3,000
+//! and 25 for each pair.
 
 use super::offsets::{LAGS, NEAR_LAGS, REACH, offsets};
 use super::sums::LagSums;
@@ -16,16 +20,16 @@ const SPAN: usize = (TILE + 2 * REACH) as usize;
 const TILES: i32 = SPAN as i32 / TILE;
 const OWN: i32 = REACH / TILE;
 
-/// No slot, even when a row's and a column's are added.
-const NOWHERE: u32 = u32::MAX >> 2;
+/// No slot.
+const NOWHERE: usize = usize::MAX / 2;
 
-/// The samples near a tile: 0.7 kB. A slot is the sum of a part of the row and one of the column.
+/// The samples near a tile: 2 kB. A slot is the sum of a part of the row and one of the column.
 #[derive(Clone, Debug)]
 pub(super) struct Nearby {
     /// bit x: is the cell in column x of the row measured?
     measured: [u64; SPAN],
-    rows: [u32; SPAN],
-    columns: [u32; SPAN],
+    rows: [usize; SPAN],
+    columns: [usize; SPAN],
     /// near which tile of which window
     held: Option<(Window, Tile)>,
     known: Known,
@@ -64,35 +68,20 @@ impl Nearby {
             Some(held) if held == (*window, tile) => return,
             Some(held) if held == (*window, west) => {
                 self.measured = self.measured.map(|row| row >> TILE);
-                self.columns.copy_within(TILE as usize.., 0);
                 TILES - 1
             }
             _ => {
                 self.measured = [0; SPAN];
-                let part = |y| window.row_part(y).map_or(NOWHERE, |part| part as u32);
-                let south = tile.origin().y.wrapping_sub(REACH);
-                self.rows = from_fn(|y| part(south.wrapping_add(y as i32)));
+                self.rows = window.row_parts(tile.origin().y.wrapping_sub(REACH));
                 0
             }
         };
-        let corner = tile.origin().offset(-REACH, -REACH);
-        for (x, column) in self
-            .columns
-            .iter_mut()
-            .enumerate()
-            .skip((first * TILE) as usize)
-        {
-            let part = window.column_part(corner.x.wrapping_add(x as i32));
-            *column = part.map_or(NOWHERE, |part| part as u32);
-        }
+        self.columns = window.column_parts(tile.origin().x.wrapping_sub(REACH));
         for (y, rows) in self.measured.chunks_exact_mut(TILE as usize).enumerate() {
             for x in first..TILES {
-                let near = (
-                    tile.x.wrapping_add(x - OWN),
-                    tile.y.wrapping_add(y as i32 - OWN),
-                );
-                let bits = measured(Tile::new(near.0, near.1));
-                for (row, bits) in rows.iter_mut().zip(bits.to_le_bytes()) {
+                let [east, north] = [x - OWN, y as i32 - OWN];
+                let near = Tile::new(tile.x.wrapping_add(east), tile.y.wrapping_add(north));
+                for (row, bits) in rows.iter_mut().zip(measured(near).to_le_bytes()) {
                     *row |= u64::from(bits) << (TILE * x);
                 }
             }
@@ -116,7 +105,7 @@ impl Nearby {
         let start = self.rows.get(row).map_or(NOWHERE, |start| *start);
         places_of(bits).map(move |x| {
             let part = self.columns.get(column + x).map_or(NOWHERE, |part| *part);
-            (x as i32 - REACH, (start + part) as usize)
+            (x as i32 - REACH, start + part)
         })
     }
 
@@ -137,30 +126,47 @@ impl Nearby {
         for &offset in offsets(lag) {
             let pairs = own & self.known.at(offset);
             if pairs != 0 {
-                let mut rise = 0;
-                for place in places_of(pairs) {
-                    let lower = &self.own[place];
-                    if let Some(upper) = samples.get(self.slot(place, offset)) {
-                        let o = (offset.0.into(), offset.1.into());
-                        rise += sums.add_heights(lower, upper);
-                        if lag < NEAR_LAGS {
-                            sums.add_places(lower, upper, o);
-                        }
-                    }
-                }
-                sums.add_offset(rise, pairs.count_ones(), (offset.0.into(), offset.1.into()));
+                let rise = self.add_pairs(&mut sums, lag, samples, pairs, offset);
+                sums.add_offset(rise, pairs.count_ones(), wide(offset));
             }
         }
         sums
+    }
+
+    /// Adds what each pair of an offset has for itself; returns Σ Δz.
+    #[inline(always)]
+    fn add_pairs(
+        &self,
+        sums: &mut LagSums,
+        lag: usize,
+        samples: &[Sample],
+        pairs: TileBits,
+        offset: (i8, i8),
+    ) -> i32 {
+        let mut rise = 0;
+        for place in places_of(pairs) {
+            let lower = &self.own[place];
+            if let Some(upper) = samples.get(self.slot(place, offset)) {
+                rise += sums.add_heights(lower, upper);
+                if lag < NEAR_LAGS {
+                    sums.add_places(lower, upper, wide(offset));
+                }
+            }
+        }
+        rise
     }
 
     /// Where the cell lives that is (x, y) away from that at `place` of the tile.
     #[inline(always)]
     fn slot(&self, place: usize, (x, y): (i8, i8)) -> usize {
         let near = |i: usize, o: i8| (i + REACH as usize).wrapping_add_signed(o.into());
-        let part = |parts: &[u32; SPAN], i: usize| parts.get(i).map_or(NOWHERE, |part| *part);
-        (part(&self.rows, near(place / 8, y)) + part(&self.columns, near(place % 8, x))) as usize
+        let part = |parts: &[usize; SPAN], i: usize| parts.get(i).map_or(NOWHERE, |part| *part);
+        part(&self.rows, near(place / 8, y)) + part(&self.columns, near(place % 8, x))
     }
+}
+
+fn wide((x, y): (i8, i8)) -> (i32, i32) {
+    (x.into(), y.into())
 }
 
 /// Which cells are measured of a tile and of those to the north, west and east that offsets

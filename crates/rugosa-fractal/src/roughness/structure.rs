@@ -15,11 +15,12 @@
 //!
 //! Where only a few samples within a tile's reach change, single pairs are taken out and added;
 //! from a number of changes on, which grows with the measured cells, the tile is recomputed at
-//! the commit in one pass. Both give the same integers; after any history they equal those of
+//! the commit in one pass. What needed a pass at one commit will need it at the next one, so
+//! nothing is taken out of it in between. Both give the same integers; after any history they equal those of
 //! a pass over the current samples, bit for bit (test `any_history_equals_a_pass_over_all_pairs`).
 //!
-//! Cost: a changed cell meets 2 × [`OFFSETS`](super::OFFSETS) neighbours, whatever the size
-//! and the history of the map; figures in `docs/results-roughness.md`. Memory: 400 bytes per tile
+//! Cost: a changed cell meets those of 2 × [`OFFSETS`](super::OFFSETS) neighbours that are
+//! measured, whatever the size and the history of the map; figures in `docs/results-roughness.md`. Memory: 400 bytes per tile
 //! and one [`Block`].
 
 use super::block::{Block, HAS_VECTORS};
@@ -143,6 +144,9 @@ impl<'m> StructureFunction<'m> {
                 self.spread_news(window, tile);
             }
         }
+        for tile in self.tiles.iter_mut() {
+            tile.stale |= is_pass_cheaper(tile.news, tile.measured);
+        }
         for (tile, slot) in tiles.tiles().map(place) {
             if self.tiles[slot].changes > 0 {
                 done.added += self.add_pending(window, samples, tile);
@@ -162,7 +166,6 @@ impl<'m> StructureFunction<'m> {
         around.each(self.tiles, |near| {
             near.changed = true;
             near.news = near.news.saturating_add(changes);
-            near.stale |= is_pass_cheaper(near.news, near.measured);
         });
     }
 
@@ -299,13 +302,12 @@ struct Surroundings {
 
 impl Surroundings {
     fn of(tiles: &Tiles, tile: Tile) -> Self {
-        let slots: [[u32; ACROSS]; DOWN] = core::array::from_fn(|down| {
-            core::array::from_fn(|across| {
-                let x = tile.x.wrapping_add(across as i32 - TILES_REACHED);
-                let y = tile.y.wrapping_sub(down as i32);
-                tiles.slot(Tile::new(x, y)).map_or(NONE, |slot| slot as u32)
-            })
-        });
+        let x = tile.x.wrapping_sub(TILES_REACHED);
+        let y = tile.y.wrapping_sub(TILES_REACHED);
+        let mut slots = tiles
+            .block::<ACROSS, DOWN>(Tile::new(x, y))
+            .map(|row| row.map(|slot| slot.map_or(NONE, |slot| slot as u32)));
+        slots.reverse(); // southward
         let slot = slots[0][TILES_REACHED as usize] as usize;
         Surroundings { slots, slot }
     }
