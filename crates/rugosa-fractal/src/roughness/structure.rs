@@ -120,16 +120,22 @@ impl<'m> StructureFunction<'m> {
         own.changes = own.changes.saturating_add(u16::from(!pending));
         if old.is_counted() {
             own.stale |= is_pass_cheaper(own.changes, own.measured);
-            let around = Surroundings::of(&tiles, Tile::of(cell));
-            around.each(self.tiles, |near| {
-                near.changed = true;
-                near.stale |= near.is_busy;
-            });
-            let around = around.without_stale(self.tiles);
-            if !around.is_empty() {
-                self.look_near(window, Tile::of(cell));
-                self.each_pair(&around, place_of(cell), samples, old, false);
-            }
+            self.take_out(window, samples, cell, old);
+        }
+    }
+
+    /// Takes out the pairs of the sample that the cell held.
+    #[inline(never)] // new ground has none
+    fn take_out(&mut self, window: &Window, samples: &[Sample], cell: Cell, old: &Sample) {
+        let around = Surroundings::of(&Tiles::of(window), Tile::of(cell));
+        around.each(self.tiles, |near| {
+            near.changed = true;
+            near.stale |= near.is_busy;
+        });
+        let around = around.without_stale(self.tiles);
+        if !around.is_empty() {
+            self.look_near(window, Tile::of(cell));
+            self.each_pair(&around, place_of(cell), samples, old, false);
         }
     }
 
