@@ -262,3 +262,37 @@ fn an_emptied_map_has_no_pairs() {
     ];
     run(&acts);
 }
+
+/// The lowest height of all stands for none in a block.
+#[test]
+fn the_lowest_height_is_a_height() {
+    let side = SIDE as i32;
+    let put = |i| Act::Put(i % side, i / side, i16::MIN + (i % 5) as i16, 3, 1, -2);
+    assert!(run(&(0..side * side).map(put).collect::<Vec<_>>()) > 10);
+}
+
+/// A sample that leaves changes the sums of the tiles that it had pairs with.
+#[test]
+fn what_leaves_is_news_to_its_partners() {
+    let mut tiles = vec![TileSums::default(); StructureFunction::tiles_needed(SIDE)];
+    let mut block = Block::new();
+    let mut bench = Bench {
+        window: Window::new(SIDE, Cell::new(0, 0)),
+        samples: vec![Sample::default(); SIDE * SIDE],
+        structure: StructureFunction::new(SIDE, &mut tiles, &mut block),
+        map: BTreeMap::new(),
+        recomputed: 0,
+    };
+    let changed = |bench: &mut Bench, tile| {
+        let slot = Tiles::of(&bench.window).slot(tile).unwrap();
+        bench.structure.tiles_mut()[slot].take_changed()
+    };
+    for x in [23, 24] {
+        bench.put(Cell::new(x, 0), Sample::measured(0, 0, 0, 0, 0));
+    }
+    bench.commit();
+    assert!(changed(&mut bench, Tile::new(2, 0)) && !changed(&mut bench, Tile::new(2, 0)));
+    bench.go(-9, 0); // cells −9 … 23
+    bench.commit();
+    assert!(changed(&mut bench, Tile::new(2, 0)));
+}

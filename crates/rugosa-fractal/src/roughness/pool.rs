@@ -270,3 +270,35 @@ fn spread(lag: usize, square: f32) -> f32 {
     let variance = fourth - second * second + 2.0 * second * inside + inside * inside;
     variance / (square * square)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rugosa_grid::Sample;
+
+    /// A plane that rises by 2 steps per 1/64 cell to the east, its samples anywhere in their
+    /// cells: at 1 and at 6 cells.
+    #[test]
+    fn places_in_cells_lengthen_all_lags_and_explain_a_plane() {
+        let sample =
+            |x: i16, east: i8| Sample::measured(2 * (64 * x + i16::from(east)), 0, east, 0, 255);
+        let mut tile = TileSums::EMPTY;
+        for (lower, upper) in [(-32, 32), (32, -32), (0, 0)] {
+            for (lag, x) in [(0, 1), (4, 6)] {
+                let (lower, upper) = (sample(0, lower), sample(x, upper));
+                tile.lags[lag] += &LagSums::of_pair(lag, &lower, &upper, (x.into(), 0));
+            }
+        }
+        let flat = Sample::measured(0, 0, 0, 0, 255);
+        tile.lags[0] += &LagSums::of_pair(0, &flat, &flat, (0, 1));
+        let mut pool = Pool::new();
+        pool.add(&tile);
+        let ([near, .., far, _, _, _], [east, north]) = pool.moments_and_slope(64.0, 1.0);
+        assert!((east - 2.0).abs() < 1e-5 && north.abs() < 1e-5);
+        // 0, 2, 1 and 1 cells long; X is 2 cells² for four pairs
+        assert!((near.square_distance - 64.0 * 64.0 * 6.0 / 4.0).abs() < 0.1);
+        assert!((far.square_distance - 64.0 * 64.0 * (36.0 + 0.5)).abs() < 0.5);
+        // half of X counts for the east, which here is all of it
+        assert!((near.trend - 4.0 * 64.0 * 64.0 * (3.0 + 1.0) / 4.0).abs() < 1.0);
+    }
+}
