@@ -4,7 +4,6 @@
 //! stands. A window of 8 k + 1 cells touches exactly k + 1 tiles per axis at every
 //! position, so the tiles live in a ring of their own.
 
-use crate::sample::Sample;
 use crate::window::{Cell, Window};
 use core::array::from_fn;
 
@@ -80,6 +79,18 @@ impl Tile {
         self.origin().offset(place % TILE, place / TILE)
     }
 
+    /// The place of a cell in the tile that holds it, as [`Tile::cell`] takes it.
+    ///
+    /// ```
+    /// use rugosa_grid::{Cell, Tile};
+    /// assert_eq!(Tile::place_of(Cell::new(10, -7)), 10);
+    /// assert_eq!(Tile::of(Cell::new(10, -7)).cell(10), Cell::new(10, -7));
+    /// ```
+    #[inline]
+    pub const fn place_of(cell: Cell) -> usize {
+        (cell.y.rem_euclid(TILE) * TILE + cell.x.rem_euclid(TILE)) as usize
+    }
+
     /// Those of its cells that `bits` names, row by row.
     ///
     /// ```
@@ -123,17 +134,13 @@ fn places_in(mut word: usize) -> impl Iterator<Item = usize> {
 /// window does not hold the cell.
 ///
 /// ```
-/// use rugosa_grid::{Cell, Sample, Tile, Window, tile::TileSlots};
+/// use rugosa_grid::{Cell, Tile, Window, tile::TileSlots};
 /// let window = Window::new(33, Cell::new(-3, 5));
 /// let slots = TileSlots::of(&window, Tile::new(-1, 0)); // cells −8 … −1 × 0 … 7
 /// let (outside, inside) = (slots.row(4).nth(7), slots.row(5).nth(7));
 /// assert!(outside > Some(33 * 33));
 /// assert_eq!(inside, window.slot(Cell::new(-1, 5)));
 /// assert_eq!(Some(slots.slot(8 * 5 + 7)), inside);
-///
-/// let mut samples = [Sample::UNKNOWN; 33 * 33];
-/// samples[slots.slot(8 * 5 + 7)] = Sample::measured(0, 0, 0, 0, 0);
-/// assert_eq!(slots.measured(&samples), 1 << (8 * 5 + 7));
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct TileSlots {
@@ -166,14 +173,6 @@ impl TileSlots {
     pub fn row(&self, row: usize) -> impl Iterator<Item = usize> {
         let start = self.rows[row];
         self.columns.iter().map(move |column| start + column)
-    }
-
-    /// Which of the cells are measured. 8 instructions for each.
-    pub fn measured(&self, samples: &[Sample]) -> TileBits {
-        let is_measured = |slot| samples.get(slot).is_some_and(Sample::is_measured);
-        (0..64).fold(0, |bits, place| {
-            bits | TileBits::from(is_measured(self.slot(place))) << place
-        })
     }
 }
 
@@ -241,7 +240,8 @@ impl Tiles {
     /// assert_eq!(tiles.around(corner).iter().flatten().count(), 4);
     /// ```
     pub fn around(&self, tile: Tile) -> [Option<usize>; 9] {
-        let around = self.block::<3, 3>(Tile::new(tile.x.wrapping_sub(1), tile.y.wrapping_sub(1)));
+        let around =
+            self.rectangle::<3, 3>(Tile::new(tile.x.wrapping_sub(1), tile.y.wrapping_sub(1)));
         from_fn(|i| around[i / 3][i % 3])
     }
 
@@ -250,11 +250,11 @@ impl Tiles {
     /// ```
     /// use rugosa_grid::{Cell, Tile, Tiles, Window};
     /// let tiles = Tiles::of(&Window::around(33, Cell::new(0, 0))); // tiles −2 … 2
-    /// let [row] = tiles.block::<3, 1>(Tile::new(1, 0));
+    /// let [row] = tiles.rectangle::<3, 1>(Tile::new(1, 0));
     /// assert_eq!(row, [tiles.slot(Tile::new(1, 0)), tiles.slot(Tile::new(2, 0)), None]);
     /// ```
     #[inline]
-    pub fn block<const ACROSS: usize, const UP: usize>(
+    pub fn rectangle<const ACROSS: usize, const UP: usize>(
         &self,
         lowest: Tile,
     ) -> [[Option<usize>; ACROSS]; UP] {

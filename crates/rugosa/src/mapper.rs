@@ -105,7 +105,7 @@ pub struct Mapper<'m> {
 /// so that a sample never changes without its pairs.
 pub(crate) struct Surface<'m> {
     pub(crate) grid: ElevationGrid<'m>,
-    structure: StructureFunction<'m>,
+    pub(crate) structure: StructureFunction<'m>,
     pub(crate) ground: Ground<'m>,
     costs: Costs<'m>,
 }
@@ -822,8 +822,6 @@ impl Surface<'_> {
     /// Costs of the tiles whose cells, neighbours or roughness changed.
     fn judge(&mut self, limits: &Limits) {
         let tiles = Tiles::of(self.grid.window());
-        let sums = self.structure.tiles();
-        let measured = |slot: Option<usize>| slot.map_or(0, |slot| sums[slot].measured());
         let mut patch = Patch::new();
         let mut judging = self.costs.judging(&self.grid, limits, &mut patch);
         for tile in tiles.tiles() {
@@ -831,7 +829,8 @@ impl Surface<'_> {
                 continue;
             }
             let roughness = self.ground.get(&tiles, tile).and_then(|g| g.estimate.ok());
-            if judging.judge(tile, roughness.as_ref(), &tiles.around(tile).map(measured))
+            let measured = self.structure.measured_around(&tiles, tile);
+            if judging.judge(tile, roughness.as_ref(), &measured)
                 && let Some(ground) = self.ground.get_mut(&tiles, tile)
             {
                 ground.unsent |= outbox::COSTS;

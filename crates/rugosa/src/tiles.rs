@@ -117,20 +117,19 @@ impl<'m> Ground<'m> {
         }
     }
 
-    /// Estimates anew those stale tiles in which something is measured; returns how many there
-    /// were. The others have no roughness and stay stale.
+    /// Estimates the stale tiles anew; returns in how many of them something is measured. The
+    /// others have no roughness.
     pub(crate) fn refresh(&mut self, sums: &[TileSums], tiles: &Tiles, by: &Settings) -> u32 {
         let mut refreshed = 0;
         for tile in tiles.tiles() {
             let Some(slot) = tiles.slot(tile) else {
                 continue;
             };
-            let is_measured = sums[slot].measured() != 0;
             let ground = &mut self.tiles[slot];
-            if is_measured && !ground.stale {
+            if !core::mem::take(&mut ground.stale) {
                 continue;
             }
-            ground.stale = !is_measured;
+            let is_measured = sums[slot].measured() != 0;
             refreshed += u32::from(is_measured);
             let fresh = if is_measured {
                 estimate(&Pool::around(sums, tiles, tile), by)

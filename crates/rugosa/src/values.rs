@@ -131,7 +131,8 @@ impl Mapper<'_> {
         around.set_roughness(roughness.as_ref());
         let mut patch = Patch::new();
         let grid = self.grid();
-        let measured = tile.around().map(|near| grid.measured(near));
+        let tiles = Tiles::of(grid.window());
+        let measured = self.surface.structure.measured_around(&tiles, tile);
         patch.fill(grid, tile, &around, &measured);
         let mut features = [[None; TILE as usize]; TILE as usize];
         patch.each_cell(&around, &mut |place, of_cell| {

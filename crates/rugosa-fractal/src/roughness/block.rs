@@ -36,15 +36,11 @@ const HEIGHT: usize = LANES + REACH as usize;
 const ACROSS: usize = WIDTH / LANES;
 const UP: usize = HEIGHT / LANES;
 
-/// The cells at an offset from those of a tile lie within so many of a plane: a power of two,
-/// so that a place can be masked.
-const SPAN: usize = 512;
-/// As many as a span needs at the farthest offset; no memory where it is not used.
-const CELLS: usize = if HAS_VECTORS {
-    REACH as usize * WIDTH + 2 * REACH as usize + SPAN
-} else {
-    0
-};
+/// No memory where it is not used.
+const CELLS: usize = if HAS_VECTORS { WIDTH * HEIGHT } else { 0 };
+
+/// From the first cell of a tile to its last, in a plane.
+const SPAN: usize = (LANES - 1) * WIDTH + LANES;
 
 /// Largest relief of a block, in height steps: what eight rows add up to in 16 bits,
 /// 8 · 4095 < 2¹⁵, and in 32 bits, 16 · 4095² < 2³¹.
@@ -54,7 +50,7 @@ const RELIEF_LIMIT: i32 = 4_095;
 pub(super) const HAS_VECTORS: bool = !cfg!(target_arch = "arm");
 
 /// Scratch memory: the samples of a tile and its margin, plane by plane, where there are
-/// vectors (9.4 kB), and which of them are measured (2 kB).
+/// vectors (7.7 kB), and which of them are measured (2 kB).
 #[derive(Clone, Debug)]
 pub struct Block {
     /// \[height steps\]; `NONE` where there is no sample, and other planes hold anything
@@ -99,8 +95,8 @@ impl Block {
         }
     }
 
-    /// The sums of `tile`, whose samples `own` names, over all samples that `measured` tells of
-    /// its tiles; `None` where the relief is too large.
+    /// The sums of `tile` over all samples that `measured` tells of its tiles; `None` where the
+    /// relief is too large.
     pub(super) fn sums(
         &mut self,
         window: &Window,
@@ -116,7 +112,7 @@ impl Block {
         Some(from_fn(|lag| self.lag(lag, own)))
     }
 
-    /// Do 32 bits hold the sums?
+    /// Do 16 bits hold the sums?
     fn is_level(&self) -> bool {
         let low = self.extents.iter().map(|extent| extent[0]).min();
         let high = self.extents.iter().map(|extent| extent[1]).max();
@@ -166,7 +162,7 @@ impl Block {
             &mut self.north,
             &mut self.variance,
         ] {
-            plane.copy_within(LANES..WIDTH * HEIGHT, 0);
+            plane.copy_within(LANES.., 0);
         }
         self.extents.copy_within(1.., 0);
     }
@@ -265,11 +261,6 @@ impl Planes<'_> {
     #[inline(always)]
     fn row(&self, row: usize) -> Eight {
         let eight = |plane: &[i16; SPAN]| i16x8::new(from_fn(|x| plane[row * WIDTH + x]));
-        self.eight(eight)
-    }
-
-    #[inline(always)]
-    fn eight(&self, eight: impl Fn(&[i16; SPAN]) -> i16x8) -> Eight {
         Eight {
             height: eight(self.height),
             east: eight(self.east),
@@ -279,8 +270,7 @@ impl Planes<'_> {
     }
 }
 
-/// Eight samples.
-#[derive(Clone, Copy, Default)]
+/// Eight cells of a row.
 struct Eight {
     height: i16x8,
     east: i16x8,

@@ -252,3 +252,29 @@ impl Line {
         self.uu
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::offsets::LAG_CELLS;
+    use super::*;
+
+    #[test]
+    fn powers_of_distance_are_within_5_percent() {
+        let side = 24.0f32;
+        let points = LAG_CELLS.map(|cells| Point {
+            square_distance: f32::from(cells).powi(2),
+            log_distance: f32::from(cells).ln(),
+            ..Point::default()
+        });
+        for hurst in (0..=20).map(|i| i as f32 / 20.0) {
+            let exponent = 1.5 - (hurst - 0.5).clamp(0.0, 0.45);
+            for (walked, cells) in walked(&points, side.ln(), hurst).into_iter().zip(LAG_CELLS) {
+                let exact = (f32::from(cells) / side).powf(exponent);
+                assert!(
+                    (walked / exact - 1.0).abs() < 0.05,
+                    "{hurst} {cells}: {walked} {exact}"
+                );
+            }
+        }
+    }
+}

@@ -5,8 +5,8 @@
 //! The pairs of a whole tile at an offset are the bits that it has in common with the eight by
 //! eight cells there. What was not measured costs nothing either way.
 //!
-//! Cost on x86-64: 800 instructions for a sample and 45 for each of its pairs; for a tile 3,000
-//! and 25 for each pair.
+//! Cost on x86-64, on the rings of a first sweep: 1,500 instructions to look at what is near,
+//! 7,400 for a tile with 45 pairs, 4,900 for a single sample.
 
 use super::offsets::{LAGS, NEAR_LAGS, REACH, offsets};
 use super::sums::LagSums;

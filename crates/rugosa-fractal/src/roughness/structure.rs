@@ -16,12 +16,13 @@
 //! Where only a few samples within a tile's reach change, single pairs are taken out and added;
 //! from a number of changes on, which grows with the measured cells, the tile is recomputed at
 //! the commit in one pass. What needed a pass at one commit will need it at the next one, so
-//! nothing is taken out of it in between. Both give the same integers; after any history they equal those of
-//! a pass over the current samples, bit for bit (test `any_history_equals_a_pass_over_all_pairs`).
+//! nothing is taken out of it in between. Both give the same integers; after any history they
+//! equal those of a pass over the current samples, bit for bit (test
+//! `any_history_equals_a_pass_over_all_pairs`).
 //!
 //! Cost: a changed cell meets those of 2 × [`OFFSETS`](super::OFFSETS) neighbours that are
-//! measured, whatever the size and the history of the map; figures in `docs/results-roughness.md`. Memory: 400 bytes per tile
-//! and one [`Block`].
+//! measured, whatever the size and the history of the map; figures in
+//! `docs/results-roughness.md`. Memory: 400 bytes per tile and one [`Block`].
 
 use super::block::{Block, HAS_VECTORS};
 use super::offsets::{LAGS, REACH, rows};
@@ -107,6 +108,12 @@ impl<'m> StructureFunction<'m> {
         self.tiles
     }
 
+    /// Which cells are measured, of the tiles of [`Tile::around`].
+    pub fn measured_around(&self, tiles: &Tiles, tile: Tile) -> [TileBits; 9] {
+        let measured = |slot: Option<usize>| slot.map_or(0, |slot| self.tiles[slot].measured);
+        tiles.around(tile).map(measured)
+    }
+
     /// The sample of `cell` was `old` and is now what `samples` says; to be called after
     /// every change of a sample, whatever the old one was. `window` holds the cell.
     pub fn replaced(&mut self, window: &Window, samples: &[Sample], cell: Cell, old: &Sample) {
@@ -115,7 +122,7 @@ impl<'m> StructureFunction<'m> {
             return;
         };
         let own = &mut self.tiles[own];
-        own.set_measured(place_of(cell), is_measured(window, samples, cell));
+        own.set_measured(Tile::place_of(cell), is_measured(window, samples, cell));
         let pending = old.is_measured() && !old.is_counted();
         own.changes = own.changes.saturating_add(u16::from(!pending));
         if old.is_counted() {
@@ -135,7 +142,7 @@ impl<'m> StructureFunction<'m> {
         let around = around.without_stale(self.tiles);
         if !around.is_empty() {
             self.look_near(window, Tile::of(cell));
-            self.each_pair(&around, place_of(cell), samples, old, false);
+            self.each_pair(&around, Tile::place_of(cell), samples, old, false);
         }
     }
 
@@ -221,7 +228,7 @@ impl<'m> StructureFunction<'m> {
         self.block.nearby.sums(samples, own)
     }
 
-    /// Looks at what was measured near a tile at the last commit.
+    /// Looks at what is measured near a tile.
     fn look_near(&mut self, window: &Window, tile: Tile) {
         let (tiles, ring) = (&self.tiles, Tiles::of(window));
         self.block.nearby.look(window, tile, |near| {
@@ -287,11 +294,6 @@ fn is_measured(window: &Window, samples: &[Sample], cell: Cell) -> bool {
     slot.is_some_and(|slot| samples[slot].is_measured())
 }
 
-/// The place of a cell in its tile.
-fn place_of(cell: Cell) -> usize {
-    (cell.y.rem_euclid(TILE) * TILE + cell.x.rem_euclid(TILE)) as usize
-}
-
 /// Tiles to the west and east, and to the south, that offsets reach.
 const TILES_REACHED: i32 = REACH / TILE;
 const ACROSS: usize = 2 * TILES_REACHED as usize + 1;
@@ -311,7 +313,7 @@ impl Surroundings {
         let x = tile.x.wrapping_sub(TILES_REACHED);
         let y = tile.y.wrapping_sub(TILES_REACHED);
         let mut slots = tiles
-            .block::<ACROSS, DOWN>(Tile::new(x, y))
+            .rectangle::<ACROSS, DOWN>(Tile::new(x, y))
             .map(|row| row.map(|slot| slot.map_or(NONE, |slot| slot as u32)));
         slots.reverse(); // southward
         let slot = slots[0][TILES_REACHED as usize] as usize;

@@ -11,7 +11,7 @@
 //! | N | Σ (v_a + v_b) | 1.5e8 | u32 |
 //! | T | Σ Δz o | 1.2e9 | 2 × i32 |
 //! | G | Σ o oᵀ | 2.9e5 | 3 × i32 |
-//! | X | Σ (\|δ\|² − \|o\|²), up to lags of 4 cells | 1.2e8 | i32 |
+//! | X | Σ (\|δ\|² − \|o\|²), up to lags of 4 cells | 4.4e7 | i32 |
 //!
 //! The places of the samples in their cells are noise of mean zero about o, so the sums of the
 //! trend take o: T and G then cost nothing for each pair but Σ Δz, which all pairs of an offset

@@ -40,7 +40,6 @@ pub use fuse::{Fused, Point, Tally, View};
 pub use save::SavedCell;
 
 use cell::Gate;
-use rugosa_grid::tile::TileSlots;
 use rugosa_grid::{Cell, Lattice, Sample, State, Tile, TileBits, Window};
 
 /// The elevation grid; `'m` is the life of the lent planes.
@@ -285,11 +284,6 @@ impl<'m> ElevationGrid<'m> {
             count: held.count(),
             last_sweep: held.last_sweep,
         })
-    }
-
-    /// Which cells of a tile are measured.
-    pub fn measured(&self, tile: Tile) -> TileBits {
-        TileSlots::of(&self.window, tile).measured(self.samples)
     }
 
     /// Elevation \[m\] and its variance \[m²\] of the measured cell in a slot of the window.

@@ -258,6 +258,10 @@ fn square(x: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
+    use rugosa_grid::{Sample, Tiles};
+    use rugosa_terrain::grid::SavedCell;
+    use rugosa_terrain::{GridConfig, GroundCell, Point};
 
     #[test]
     fn the_scales_of_planners() {
@@ -296,5 +300,120 @@ mod tests {
         let cost = Judge::new(&limits, Some(&rough)).cost(&smooth);
         assert_eq!(cost, CellCost::new(1.0, Criterion::Roughness));
         assert_eq!(CellCost::UNKNOWN.cost(), None);
+    }
+
+    /// The cost of all criteria, none of them left out by a bound.
+    fn in_full(judge: &Judge, features: &Features) -> CellCost {
+        let limits = judge.limits;
+        let costs = [
+            (limits.step.cost(features.step), Criterion::Step),
+            (limits.slope.cost(features.slope()), Criterion::Slope),
+            (judge.tile[0], Criterion::Roughness),
+            (judge.tile[1], Criterion::Dimension),
+            (
+                limits.uncertainty.cost(features.uncertainty()),
+                Criterion::Uncertainty,
+            ),
+            (
+                limits.hidden_step.cost(features.hidden_step()),
+                Criterion::HiddenStep,
+            ),
+        ];
+        let free = (0.0, Criterion::Free);
+        let (cost, criterion) =
+            costs.into_iter().fold(
+                free,
+                |worst, next| if next.0 > worst.0 { next } else { worst },
+            );
+        CellCost::new(cost, criterion)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2_000))]
+        #[test]
+        fn bounds_leave_no_cost_out(
+            gradient in 0.0f32..0.8, step in 0.0f32..0.2, deviation in 0.0f32..0.3,
+            margin in -0.1f32..0.1, spread in 1e-4f32..0.02, only in 0..4
+        ) {
+            let limits = Limits::default();
+            let mut features = Features { limit: limits.step.critical, ..Features::FLAT };
+            match only {
+                0 => features.gradient_square = gradient * gradient,
+                1 => features.step = step,
+                2 => features.variance = deviation * deviation,
+                _ => features = features.hiding(margin, spread),
+            }
+            let judge = Judge::new(&limits, None);
+            let (quick, full) = (judge.cost(&features), in_full(&judge, &features));
+            prop_assert_eq!(quick.parts, full.parts);
+            prop_assert!(quick.parts == 0 || quick.criterion == full.criterion);
+        }
+    }
+
+    /// One patch serves all tiles: nothing of a tile may be left in it for the next one. A cell
+    /// that was seen through is a hole.
+    #[test]
+    fn tiles_one_after_another_equal_each_alone() {
+        const SIDE: usize = 65;
+        let window = Window::around(SIDE, Cell::new(3, -5));
+        let (mut cells, mut samples) = (
+            [GroundCell::EMPTY; SIDE * SIDE],
+            [Sample::UNKNOWN; SIDE * SIDE],
+        );
+        let mut grid =
+            ElevationGrid::new(GridConfig::new(0.1), window, &mut cells, &mut samples).unwrap();
+        let hash = |i: u32| {
+            i.wrapping_mul(0x9e37_79b9)
+                .rotate_left(13)
+                .wrapping_mul(0x85eb_ca6b)
+        };
+        for (i, cell) in (0..).zip(window.cells()).filter(|(i, _)| hash(*i) % 3 == 0) {
+            let (x, y) = grid.lattice().centre(cell);
+            let z = 0.3 * x - 0.1 * y - 2.0 + 0.15 * (hash(i + 7) >> 16) as f32 / 65_536.0;
+            let point = Point {
+                position: [x, y, z],
+                variance: 1e-4,
+                depression: 1.0,
+            };
+            grid.fuse(&point, 1);
+        }
+        let hole = Cell::new(4, 4);
+        let seen_through = SavedCell {
+            state: State::SeenThrough,
+            ..SavedCell::default()
+        };
+        assert!(grid.restore(hole, &seen_through, |_, _, _, _| {}));
+
+        let tiles = Tiles::of(&window);
+        let measured = |tile: Tile| {
+            let bits = (0..64).filter(|&place| grid.ground(tile.cell(place)).is_some());
+            bits.fold(0, |bits, place| bits | 1 << place)
+        };
+        let rough = Roughness {
+            hurst: 0.6,
+            sigma: 0.1,
+            dimension: 2.4,
+            ..Roughness::default()
+        };
+        let judge_all = |alone: bool| {
+            let mut plane = [CellCost::UNKNOWN; SIDE * SIDE];
+            let (mut costs, limits) = (Costs::new(&mut plane), Limits::default());
+            let mut patch = Patch::new();
+            for (i, tile) in tiles.tiles().enumerate() {
+                if alone {
+                    patch = Patch::new();
+                }
+                let roughness = (i % 2 == 0).then_some(&rough);
+                let around = tile.around().map(measured);
+                costs
+                    .judging(&grid, &limits, &mut patch)
+                    .judge(tile, roughness, &around);
+            }
+            assert_eq!(costs.get(&window, hole), CellCost::HOLE);
+            plane
+        };
+        let alone = judge_all(true);
+        assert!(alone == judge_all(false));
+        assert!(alone.iter().filter(|cost| cost.parts > 0).count() > 500);
     }
 }

@@ -25,8 +25,8 @@
 //! all tell whether a neighbour might be likelier to hide a step than the unseen ground is, and
 //! only then the neighbours are asked one by one. Of the unseen ones the farthest counts: the
 //! bits of a row tell of eight cells at once. What a disc looks like is the same for all tiles,
-//! the powers d^{2H} are for all cells of one. A slope needs at least [`LEAST`] measured cells that do not
-//! lie on a line; otherwise it is NaN.
+//! the powers d^{2H} for all cells of a tile. A slope needs at least [`LEAST`] measured cells
+//! that do not lie on a line; otherwise it is NaN.
 //!
 //! Cost, for four cells: 24 operations for each pair of columns of a row, 17 for each row of a
 //! disc that has a measured cell; some 300 for each measured cell, whatever the size of the
@@ -711,6 +711,12 @@ mod tests {
             },
             limit: 1.0,
         };
+
+        /// The same with another worst neighbour.
+        pub(crate) fn hiding(self, margin: f32, spread: f32) -> Self {
+            let worst = Worst { margin, spread };
+            Features { worst, ..self }
+        }
     }
 
     impl Patch {
@@ -841,7 +847,8 @@ mod tests {
     proptest! {
         #[test]
         fn features_are_those_of_the_definition(
-            seed: u32, seen in 1u32..=8, window in 0.05f32..0.9, sigma in 0.0f32..0.6, noisy: bool
+            seed: u32, seen in 1u32..=8, window in 0.05f32..0.9, sigma in 0.0f32..0.6, noisy: bool,
+            is_below: bool
         ) {
             let noise = |x: i32, y: i32, salt: u32| {
                 let mut h = (x as u32).wrapping_mul(0x9e37_79b9) ^ (y as u32).wrapping_mul(0x85eb_ca6b) ^ seed ^ salt;
@@ -853,7 +860,8 @@ mod tests {
             // variance 0 is allowed
             let at = |x: i32, y: i32| (noise(x, y, 1) % 8 < seen).then(|| {
                 let variance = if noisy { 0.01 * unit(noise(x, y, 2)) } else { 0.0 };
-                [3.0 + 0.03 * x as f32 + 0.2 * unit(noise(x, y, 3)), variance]
+                let elevation = 3.0 + 0.03 * x as f32 + 0.2 * unit(noise(x, y, 3));
+                [if is_below { -elevation } else { elevation }, variance]
             });
             let limits = Limits { window, ..Limits::default() };
             let rough = Roughness { hurst: 0.6, sigma, ..Roughness::default() };
