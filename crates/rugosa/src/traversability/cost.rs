@@ -333,7 +333,7 @@ mod tests {
         #[test]
         fn bounds_leave_no_cost_out(
             gradient in 0.0f32..0.8, step in 0.0f32..0.2, deviation in 0.0f32..0.3,
-            margin in -0.1f32..0.1, spread in 1e-4f32..0.02, only in 0..4
+            rise in 0.0f32..0.6, spread in 1e-4f32..0.02, only in 0..4
         ) {
             let limits = Limits::default();
             let mut features = Features { limit: limits.step.critical, ..Features::FLAT };
@@ -341,7 +341,10 @@ mod tests {
                 0 => features.gradient_square = gradient * gradient,
                 1 => features.step = step,
                 2 => features.variance = deviation * deviation,
-                _ => features = features.hiding(margin, spread),
+                _ => {
+                    let rest = limits.step.critical - rise;
+                    features = features.hiding(rest * rest.abs(), spread);
+                }
             }
             let judge = Judge::new(&limits, None);
             let (quick, full) = (judge.cost(&features), in_full(&judge, &features));
