@@ -165,6 +165,27 @@ impl TileSlots {
         self.rows[(place / TILE as usize) & LAST] + self.columns[place & LAST]
     }
 
+    /// Those of the cells of a row, where they follow each other: `None` across the seam of the
+    /// window's ring and its border.
+    ///
+    /// ```
+    /// use rugosa_grid::{Cell, Tile, Window, tile::TileSlots};
+    /// let window = Window::new(33, Cell::new(-12, 0)); // columns −12 … 20
+    /// let span = |x| TileSlots::of(&window, Tile::new(x, 0)).span(2);
+    /// let first = window.slot(Cell::new(8, 2)).unwrap();
+    /// assert_eq!(span(1), Some(first..first + 8));
+    /// assert_eq!([span(-2), span(2)], [None, None]); // columns −16 … −9 and 16 … 23
+    /// ```
+    ///
+    /// # Panics
+    /// If there is no such row.
+    #[inline(always)]
+    pub fn span(&self, row: usize) -> Option<core::ops::Range<usize>> {
+        let [first, .., last] = self.columns;
+        let (start, end) = (self.rows[row] + first, self.rows[row] + last + 1);
+        (end == start + self.columns.len()).then_some(start..end)
+    }
+
     /// Those of the cells of a row.
     ///
     /// # Panics

@@ -5,7 +5,7 @@
 
 use crate::outbox;
 use rugosa_fractal::roughness::estimate::{Reason, Roughness, Settings, estimate};
-use rugosa_fractal::roughness::{Pool, TileSums};
+use rugosa_fractal::roughness::{Pools, TileSums};
 use rugosa_grid::{Tile, Tiles};
 
 /// What is known of a tile beyond its counters.
@@ -121,6 +121,7 @@ impl<'m> Ground<'m> {
     /// others have no roughness.
     pub(crate) fn refresh(&mut self, sums: &[TileSums], tiles: &Tiles, by: &Settings) -> u32 {
         let mut refreshed = 0;
+        let mut pools = Pools::new(sums, tiles);
         for tile in tiles.tiles() {
             let Some(slot) = tiles.slot(tile) else {
                 continue;
@@ -132,7 +133,7 @@ impl<'m> Ground<'m> {
             let is_measured = sums[slot].measured() != 0;
             refreshed += u32::from(is_measured);
             let fresh = if is_measured {
-                estimate(&Pool::around(sums, tiles, tile), by)
+                estimate(&pools.around(tile), by)
             } else {
                 TileGround::EMPTY.estimate
             };

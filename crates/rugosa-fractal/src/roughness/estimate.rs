@@ -16,7 +16,7 @@
 //! Input: a [`Pool`]; valid for pools of at least 3 × 3 tiles. Cost: about 4 000 scalar
 //! instructions. Not for lags beyond the map's reach or irregular points: see `irregular`.
 
-use super::fit::{Fit, Point};
+use super::fit::{Fit, Lags};
 use super::offsets::LAGS;
 use super::pool::{Moment, Pool};
 use rugosa_grid::math;
@@ -141,19 +141,11 @@ pub fn estimate(pool: &Pool, settings: &Settings) -> Result<Roughness, Reason> {
     let (moments, [east, north]) =
         pool.moments_and_slope(settings.resolution, settings.height_step);
     let side = pool.side() * settings.resolution;
-    let (mut points, mut count) = ([Point::default(); LAGS], 0);
-    for moment in moments
-        .iter()
-        .filter(|m| m.pairs >= settings.least_pairs.max(1))
-    {
-        points[count] = point(moment, settings.method);
-        count += 1;
-    }
-    let points = &points[..count];
+    let (lags, count) = lags(&moments, settings);
     let tilt = east * east + north * north;
     let may_be_significant = tilt * side * side > LEAST_FACTOR * without_tilt(&moments);
-    let as_it_is = || longest_line(points, false, side, settings);
-    let levelled = || longest_line(&level(points)[..count], true, side, settings);
+    let as_it_is = || longest_line(&lags, count, false, side, settings);
+    let levelled = || longest_line(&level(&lags), count, true, side, settings);
     match settings.trend {
         Trend::Remove => levelled(),
         Trend::RemoveSignificant if may_be_significant => match levelled() {
@@ -164,13 +156,33 @@ pub fn estimate(pool: &Pool, settings: &Settings) -> Result<Roughness, Reason> {
     }
 }
 
-/// Takes the tilt off.
-fn level(points: &[Point]) -> [Point; LAGS] {
-    let mut flat = [Point::default(); LAGS];
-    for (flat, point) in flat.iter_mut().zip(points) {
-        *flat = *point;
-        flat.value -= point.trend;
+/// What the lags with enough pairs say, and how many these are.
+fn lags(moments: &[Moment; LAGS], settings: &Settings) -> (Lags, usize) {
+    let (mut lags, mut count) = (Lags::default(), 0);
+    let least = settings.least_pairs.max(1);
+    for moment in moments.iter().filter(|m| m.pairs >= least) {
+        let mean = moment.mean_absolute;
+        let (raw, variance) = match settings.method {
+            Method::Pentland => (moment.mean_square, 2.0),
+            Method::Yokoya => (math::FRAC_PI_2 * mean * mean, 2.283),
+        };
+        lags.square_distance[count] = moment.square_distance;
+        lags.spread[count] = moment.spread;
+        lags.pairs[count] = moment.pairs;
+        lags.value[count] = raw - moment.noise;
+        lags.trend[count] = moment.trend;
+        lags.noise[count] = moment.noise;
+        lags.scatter[count] = SHARED_SAMPLES * variance / moment.pairs as f32;
+        count += 1;
     }
+    lags.measure();
+    (lags, count)
+}
+
+/// Takes the tilt off.
+fn level(lags: &Lags) -> Lags {
+    let mut flat = lags.clone();
+    flat.value = core::array::from_fn(|i| lags.value[i] - lags.trend[i]);
     flat
 }
 
@@ -196,19 +208,19 @@ fn largest_tilt(roughness: &Roughness, side: f32) -> f32 {
 }
 
 fn longest_line(
-    points: &[Point],
+    lags: &Lags,
+    count: usize,
     detrended: bool,
     side: f32,
     settings: &Settings,
 ) -> Result<Roughness, Reason> {
-    let count = points.len();
     if count < LEAST_LAGS {
         return Err(Reason::TooFewPairs);
     }
     for used in (LEAST_LAGS..=count).rev() {
-        let fit = Fit::new(&points[..used], side)?;
+        let fit = Fit::new(lags, used, side)?;
         if fit.residual <= settings.tolerance || fit.chi_square < CHI_SQUARE_LIMIT {
-            return roughness(&fit, &points[..used], detrended);
+            return roughness(&fit, lags, used, detrended);
         }
     }
     Err(Reason::NoLine)
@@ -220,28 +232,10 @@ const LEAST_LAGS: usize = 3;
 /// A residual above the tolerance may still be chance: χ² per degree of freedom below this.
 const CHI_SQUARE_LIMIT: f32 = 4.0;
 
-fn point(moment: &Moment, method: Method) -> Point {
-    let mean = moment.mean_absolute;
-    let (raw, variance) = match method {
-        Method::Pentland => (moment.mean_square, 2.0),
-        Method::Yokoya => (math::FRAC_PI_2 * mean * mean, 2.283),
-    };
-    Point {
-        square_distance: moment.square_distance,
-        log_distance: 0.5 * math::ln(moment.square_distance),
-        spread: moment.spread,
-        pairs: moment.pairs,
-        value: raw - moment.noise,
-        trend: moment.trend,
-        noise: moment.noise,
-        scatter: SHARED_SAMPLES * variance / moment.pairs as f32,
-    }
-}
-
 /// Pairs that share a sample are not independent: their mean scatters this much more.
 const SHARED_SAMPLES: f32 = 1.3;
 
-fn roughness(fit: &Fit, points: &[Point], detrended: bool) -> Result<Roughness, Reason> {
+fn roughness(fit: &Fit, lags: &Lags, used: usize, detrended: bool) -> Result<Roughness, Reason> {
     let outside = (-fit.hurst).max(fit.hurst - 1.0);
     if outside > 2.0 * fit.standard_error {
         return Err(Reason::Slope);
@@ -252,9 +246,9 @@ fn roughness(fit: &Fit, points: &[Point], detrended: bool) -> Result<Roughness, 
         dimension: 3.0 - hurst,
         sigma: math::exp(0.5 * fit.level),
         standard_error: fit.standard_error,
-        range: [points[0], points[points.len() - 1]].map(|p| math::sqrt(p.square_distance)),
+        range: [0, used - 1].map(|i| math::sqrt(lags.square_distance[i])),
         residual: fit.residual,
-        pairs: points.iter().map(|p| p.pairs).sum(),
+        pairs: lags.pairs[..used].iter().sum(),
         clamped: outside > 0.0,
         detrended,
     })

@@ -25,23 +25,25 @@ use super::estimate::Reason;
 use super::offsets::LAGS;
 use rugosa_grid::math;
 
-/// One lag.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Point {
+/// What the lags say, from the shortest to the longest; each quantity a list of its own, so
+/// that the compiler takes those of several lags at once. Beyond the lags that there are all is
+/// 0.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Lags {
     /// mean squared distance \[m²\]
-    pub square_distance: f32,
-    pub log_distance: f32,
+    pub square_distance: [f32; LAGS],
     /// relative variance of the squared distances, κ
-    pub spread: f32,
-    pub pairs: u32,
+    pub spread: [f32; LAGS],
+    pub pairs: [u32; LAGS],
     /// V, corrected second moment \[m²\]
-    pub value: f32,
+    pub value: [f32; LAGS],
     /// what the region's tilt contributes to V \[m²\]
-    pub trend: f32,
+    pub trend: [f32; LAGS],
     /// n, noise in the raw moment \[m²\]
-    pub noise: f32,
+    pub noise: [f32; LAGS],
     /// s / C
-    pub scatter: f32,
+    pub scatter: [f32; LAGS],
+    log_distance: [f32; LAGS],
 }
 
 /// ln V = level + 2 H ln d.
@@ -65,12 +67,12 @@ const ROUNDS: usize = 2;
 const SETTLED: f32 = 1e-2;
 
 impl Fit {
-    /// The line through `points` (at least two) of a region of `side` \[m\].
-    pub fn new(points: &[Point], side: f32) -> Result<Self, Reason> {
-        let mut fit = Fit::first(points)?;
-        let walked = walked(points, math::ln(side), fit.hurst);
+    /// The line through the first `count` (at least two) `lags` of a region of `side` \[m\].
+    pub fn new(lags: &Lags, count: usize, side: f32) -> Result<Self, Reason> {
+        let mut fit = Fit::first(lags, count)?;
+        let walked = walked(lags, count, math::ln(side), fit.hurst);
         for _ in 0..ROUNDS {
-            let next = fit.improved(points, &walked)?;
+            let next = fit.improved(lags, count, &walked)?;
             let change = math::abs(next.hurst - fit.hurst) + math::abs(next.level - fit.level);
             fit = next;
             if change < SETTLED {
@@ -83,16 +85,17 @@ impl Fit {
     }
 
     /// Through the logarithms of those values that stand out of the noise.
-    fn first(points: &[Point]) -> Result<Self, Reason> {
+    fn first(lags: &Lags, count: usize) -> Result<Self, Reason> {
+        let abscissas = lags.abscissas(0.5);
+        let logarithms = lags.value.map(math::ln);
+        let weights: [f32; LAGS] = core::array::from_fn(|i| {
+            let noisy = 1.0 + lags.noise[i] / lags.value[i];
+            1.0 / (lags.scatter[i] * noisy * noisy + 0.01)
+        });
         let mut line = Line::default();
         let mut used = 0;
-        for point in points.iter().filter(|p| p.value > 0.0) {
-            let noisy = 1.0 + point.noise / point.value;
-            let weight = 1.0 / (point.scatter * noisy * noisy + 0.01);
-            line.add(
-                [math::ln(point.value), 1.0, point.abscissa(bend(0.5))],
-                weight,
-            );
+        for i in (0..count).filter(|&i| lags.value[i] > 0.0) {
+            line.add([logarithms[i], 1.0, abscissas[i]], weights[i]);
             used += 1;
         }
         let [level, hurst] = line.solve();
@@ -109,22 +112,25 @@ impl Fit {
     }
 
     /// One round; leaves squares in `standard_error` and `residual`.
-    fn improved(&self, points: &[Point], walked: &[f32; LAGS]) -> Result<Self, Reason> {
+    fn improved(&self, lags: &Lags, count: usize, walked: &[f32; LAGS]) -> Result<Self, Reason> {
+        let abscissas = lags.abscissas(self.hurst);
+        let per_model = abscissas.map(|x| math::exp(-(self.level + self.hurst * x)));
+        let excess: [f32; LAGS] =
+            core::array::from_fn(|i| (lags.value[i] * per_model[i] - 1.0).clamp(-1.0, 2.0));
+        let scatter: [f32; LAGS] = core::array::from_fn(|i| {
+            let noisy = 1.0 + lags.noise[i] * per_model[i];
+            lags.scatter[i] * noisy * noisy
+        });
         let mut walk = Walk::default();
         let mut line = Line::default();
         let mut direct = Line::default();
-        let (share, bend) = (walk_share(self.hurst), bend(self.hurst));
+        let share = walk_share(self.hurst);
         let mut before = walked[0];
-        for (point, walked) in points.iter().zip(walked) {
-            let x = point.abscissa(bend);
-            let per_model = math::exp(-(self.level + self.hurst * x));
-            let excess = (point.value * per_model - 1.0).clamp(-1.0, 2.0);
-            let noisy = 1.0 + point.noise * per_model;
-            let scatter = point.scatter * noisy * noisy;
-            let series = [excess, 1.0, x];
-            let step = share * (walked - before);
-            let (innovation, weight) = walk.innovation(series, step, scatter);
-            before = *walked;
+        for i in 0..count {
+            let series = [excess[i], 1.0, abscissas[i]];
+            let step = share * (walked[i] - before);
+            let (innovation, weight) = walk.innovation(series, step, scatter[i]);
+            before = walked[i];
             line.add(innovation, weight);
             direct.add(series, weight);
         }
@@ -132,7 +138,7 @@ impl Fit {
         if !level.is_finite() || !hurst.is_finite() {
             return Err(Reason::Noise);
         }
-        let freedom = (points.len() as f32 - 2.0).max(1.0);
+        let freedom = (count as f32 - 2.0).max(1.0);
         Ok(Fit {
             level: self.level + level,
             hurst: self.hurst + hurst,
@@ -143,11 +149,17 @@ impl Fit {
     }
 }
 
-impl Point {
-    /// 2 ln of the distance that stands for all distances of the lag.
+impl Lags {
+    /// Works out the logarithms of the distances.
+    pub fn measure(&mut self) {
+        self.log_distance = self.square_distance.map(|square| 0.5 * math::ln(square));
+    }
+
+    /// 2 ln of the distance that stands for all distances of a lag, at this exponent.
     #[inline(always)]
-    fn abscissa(&self, bend: f32) -> f32 {
-        2.0 * (self.log_distance + bend * self.spread)
+    fn abscissas(&self, hurst: f32) -> [f32; LAGS] {
+        let bend = bend(hurst);
+        core::array::from_fn(|i| 2.0 * (self.log_distance[i] + bend * self.spread[i]))
     }
 }
 
@@ -159,26 +171,22 @@ fn bend(hurst: f32) -> f32 {
 /// (d / L)^b of the lags, b from the first line. Only the longest takes an exponential. What
 /// the others are to it is quadratic in b between 1, 1¼ and 1½, where powers are square roots:
 /// within 5 % down to a sixteenth of the longest.
-fn walked(points: &[Point], log_side: f32, hurst: f32) -> [f32; LAGS] {
-    let mut walked = [0.0; LAGS];
-    let Some(longest) = points.last() else {
-        return walked;
-    };
+fn walked(lags: &Lags, count: usize, log_side: f32, hurst: f32) -> [f32; LAGS] {
+    let last = count - 1;
     let less = (hurst - 0.5).clamp(0.0, 0.45);
-    let whole = math::exp((1.5 - less) * (longest.log_distance - log_side));
+    let whole = math::exp((1.5 - less) * (lags.log_distance[last] - log_side));
     let quarters = 4.0 * less;
     let [low, middle, high] = [
         0.5 * quarters * (quarters - 1.0),
         quarters * (2.0 - quarters),
         0.5 * (1.0 - quarters) * (2.0 - quarters),
     ];
-    let share = 1.0 / longest.square_distance;
-    for (w, point) in walked.iter_mut().zip(points) {
-        let ratio = math::sqrt(point.square_distance * share);
+    let share = 1.0 / lags.square_distance[last];
+    lags.square_distance.map(|square| {
+        let ratio = math::sqrt(square * share);
         let quarter = math::sqrt(math::sqrt(ratio));
-        *w = whole * ratio * (low + quarter * (middle + quarter * high));
-    }
-    walked
+        whole * ratio * (low + quarter * (middle + quarter * high))
+    })
 }
 
 /// c, the variance of the walk over the whole region.
@@ -261,14 +269,15 @@ mod tests {
     #[test]
     fn powers_of_distance_are_within_5_percent() {
         let side = 24.0f32;
-        let points = LAG_CELLS.map(|cells| Point {
-            square_distance: f32::from(cells).powi(2),
-            log_distance: f32::from(cells).ln(),
-            ..Point::default()
-        });
+        let mut lags = Lags {
+            square_distance: LAG_CELLS.map(|cells| f32::from(cells).powi(2)),
+            ..Lags::default()
+        };
+        lags.measure();
         for hurst in (0..=20).map(|i| i as f32 / 20.0) {
             let exponent = 1.5 - (hurst - 0.5).clamp(0.0, 0.45);
-            for (walked, cells) in walked(&points, side.ln(), hurst).into_iter().zip(LAG_CELLS) {
+            let walked = walked(&lags, LAGS, side.ln(), hurst);
+            for (walked, cells) in walked.into_iter().zip(LAG_CELLS) {
                 let exact = (f32::from(cells) / side).powf(exponent);
                 assert!(
                     (walked / exact - 1.0).abs() < 0.05,

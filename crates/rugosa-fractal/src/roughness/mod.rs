@@ -18,7 +18,7 @@ pub mod sums;
 pub use block::Block;
 pub use estimate::{Method, Reason, Roughness, Settings, Trend, estimate};
 pub use offsets::{LAG_CELLS, LAGS, OFFSETS};
-pub use pool::{Moment, Pool};
+pub use pool::{Moment, Pool, Pools};
 pub use structure::{Committed, StructureFunction};
 pub use sums::{LagSums, TileSums};
 

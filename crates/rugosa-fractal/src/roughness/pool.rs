@@ -13,7 +13,7 @@
 //!   the places add |g|² X / 2 to the trend. Beyond the lags up to [`NEAR_LAGS`], of which X is
 //!   kept, X / C is the mean of those.
 //!
-//! Cost: 9 tiles × 8 lags × 10 additions.
+//! Cost: 5 tiles × 8 lags × 10 additions for each of a row of tiles ([`Pools`]), 11 for one alone.
 
 use super::offsets::{LAGS, NEAR_LAGS, nominal_moments};
 use super::sums::{LagSums, TileSums};
@@ -99,11 +99,7 @@ impl Pool {
     /// assert_eq!(Pool::of_all(&sums).pairs(), 25);
     /// ```
     pub fn around(sums: &[TileSums], tiles: &Tiles, tile: Tile) -> Self {
-        let mut pool = Pool::new();
-        for slot in tiles.around(tile).into_iter().flatten() {
-            pool.add(&sums[slot]);
-        }
-        pool
+        Pools::new(sums, tiles).around(tile)
     }
 
     /// All tiles of a map.
@@ -122,6 +118,14 @@ impl Pool {
             wide.add(sums);
         }
         self.tiles += 1;
+    }
+
+    /// All tiles of another pool more.
+    fn join(&mut self, other: &Pool) {
+        for (wide, sums) in self.lags.iter_mut().zip(&other.lags) {
+            wide.join(sums);
+        }
+        self.tiles += other.tiles;
     }
 
     /// Pairs of all lags.
@@ -192,6 +196,68 @@ impl Pool {
     }
 }
 
+/// The pools around tiles that are asked for from west to east: the columns of three tiles that
+/// two neighbours share are added up once.
+///
+/// ```
+/// use rugosa_fractal::roughness::{LagSums, Pool, Pools, TileSums};
+/// use rugosa_grid::{Cell, Sample, Tiles, Window};
+/// let tiles = Tiles::of(&Window::new(33, Cell::new(-9, 5)));
+/// let mut sums = [TileSums::EMPTY; 25];
+/// for (i, sums) in (0..).zip(&mut sums) {
+///     let [lower, upper] = [0, i].map(|z| Sample::measured(z, 0, 0, 0, 255));
+///     sums.lags[0] = LagSums::of_pair(0, &lower, &upper, (1, 0));
+/// }
+/// let mut pools = Pools::new(&sums, &tiles);
+/// for tile in tiles.tiles().filter(|tile| tile.x != 0) {
+///     assert_eq!(pools.around(tile), Pool::around(&sums, &tiles, tile));
+/// }
+/// ```
+pub struct Pools<'a> {
+    sums: &'a [TileSums],
+    tiles: &'a Tiles,
+    /// those of column x of tiles at x mod 3
+    columns: [Pool; 3],
+    /// the tile that they are around
+    at: Option<Tile>,
+}
+
+impl<'a> Pools<'a> {
+    /// Of the tiles of a map.
+    pub fn new(sums: &'a [TileSums], tiles: &'a Tiles) -> Self {
+        Pools {
+            sums,
+            tiles,
+            columns: [Pool::new(); 3],
+            at: None,
+        }
+    }
+
+    /// The 3 × 3 tiles around `tile`, as far as they exist.
+    pub fn around(&mut self, tile: Tile) -> Pool {
+        let is_next = self.at == Some(Tile::new(tile.x - 1, tile.y));
+        let first = if is_next { 1 } else { -1 };
+        for x in tile.x + first..=tile.x + 1 {
+            self.columns[x.rem_euclid(3) as usize] = self.column(Tile::new(x, tile.y - 1));
+        }
+        self.at = Some(tile);
+        let [mut pool, second, third] = self.columns;
+        pool.join(&second);
+        pool.join(&third);
+        pool
+    }
+
+    /// Three tiles from `lowest` to the north.
+    fn column(&self, lowest: Tile) -> Pool {
+        let mut pool = Pool::new();
+        let slots = self.tiles.rectangle::<1, 3>(lowest);
+        for slot in slots.into_iter().flatten().flatten() {
+            pool.add(&self.sums[slot]);
+        }
+        pool
+    }
+}
+
 impl Moment {
     /// Root mean square distance \[m\].
     pub fn distance(&self) -> f32 {
@@ -211,6 +277,18 @@ impl WideSums {
         self.trend = [self.trend[0] + tx, self.trend[1] + ty];
         self.squares = [self.squares[0] + xx as u32, self.squares[1] + yy as u32];
         self.mixed += xy;
+    }
+
+    #[inline(always)]
+    fn join(&mut self, other: &WideSums) {
+        self.square += other.square;
+        self.absolute += other.absolute;
+        self.pairs += other.pairs;
+        self.noise += other.noise;
+        self.excess += other.excess;
+        self.trend = core::array::from_fn(|i| self.trend[i] + other.trend[i]);
+        self.squares = core::array::from_fn(|i| self.squares[i] + other.squares[i]);
+        self.mixed += other.mixed;
     }
 
     /// G: xx, xy, yy

@@ -4,7 +4,7 @@ use super::Limits;
 use super::features::{Around, Features, Patch};
 use rugosa_fractal::roughness::Roughness;
 use rugosa_grid::tile::TileSlots;
-use rugosa_grid::{Cell, State, TILE, Tile, TileBits, Window, math};
+use rugosa_grid::{Cell, Sample, TILE, Tile, TileBits, Window, math};
 use rugosa_terrain::ElevationGrid;
 
 /// What made the cost of a cell.
@@ -168,35 +168,47 @@ impl Judging<'_, '_> {
                 costs[place] = judge.cost(&features);
             });
         }
-        self.put(tile, &costs)
+        let slots = TileSlots::of(self.grid.window(), tile);
+        if self.grid.census().seen_through > 0 {
+            self.mark_holes(&slots, &mut costs);
+        }
+        self.put(&slots, &costs)
     }
 
-    /// Puts the costs of a tile; true where one changed. What is not measured costs nothing or,
-    /// seen through, all.
-    fn put(&mut self, tile: Tile, costs: &[CellCost; CELLS]) -> bool {
-        let slots = TileSlots::of(self.grid.window(), tile);
+    /// What was seen through costs all.
+    fn mark_holes(&self, slots: &TileSlots, costs: &mut [CellCost; CELLS]) {
         let samples = self.grid.samples();
+        for (place, cost) in costs.iter_mut().enumerate() {
+            let sample = samples.get(slots.slot(place));
+            if sample.is_some_and(Sample::is_seen_through) {
+                *cost = CellCost::HOLE;
+            }
+        }
+    }
+
+    /// Puts the costs of a tile; true where one changed.
+    fn put(&mut self, slots: &TileSlots, costs: &[CellCost; CELLS]) -> bool {
         let mut changed = false;
-        for (row, costs) in costs.chunks_exact(TILE as usize).enumerate() {
+        for (row, costs) in costs.as_chunks::<EDGE>().0.iter().enumerate() {
+            if let Some(held) = slots.span(row).and_then(|span| self.plane.get_mut(span)) {
+                changed |= *held != *costs;
+                held.copy_from_slice(costs);
+                continue;
+            }
             for (slot, cost) in slots.row(row).zip(costs) {
-                let (Some(held), Some(sample)) = (self.plane.get_mut(slot), samples.get(slot))
-                else {
-                    continue;
-                };
-                let cost = match sample.state() {
-                    State::SeenThrough => CellCost::HOLE,
-                    _ => *cost,
-                };
-                changed |= *held != cost;
-                *held = cost;
+                if let Some(held) = self.plane.get_mut(slot) {
+                    changed |= *held != *cost;
+                    *held = *cost;
+                }
             }
         }
         changed
     }
 }
 
-/// Cells of a tile.
-const CELLS: usize = (TILE * TILE) as usize;
+/// Cells of an edge of a tile and of a tile.
+const EDGE: usize = TILE as usize;
+const CELLS: usize = EDGE * EDGE;
 
 /// The limits with what is the same for all cells of a tile.
 struct Judge<'a> {
@@ -210,7 +222,7 @@ struct Judge<'a> {
 impl<'a> Judge<'a> {
     fn new(limits: &'a Limits, roughness: Option<&Roughness>) -> Self {
         let tile = roughness.map_or([0.0; 2], |r| {
-            let at_base = r.sigma * math::powf(limits.wheel_base, r.hurst);
+            let at_base = r.sigma * math::exp(r.hurst * math::ln(limits.wheel_base));
             [
                 limits.roughness.cost(at_base),
                 limits.dimension.cost(r.dimension),
@@ -259,7 +271,7 @@ fn square(x: f32) -> f32 {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use rugosa_grid::{Sample, Tiles};
+    use rugosa_grid::{State, Tiles};
     use rugosa_terrain::grid::SavedCell;
     use rugosa_terrain::{GridConfig, GroundCell, Point};
 

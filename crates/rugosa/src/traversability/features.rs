@@ -140,6 +140,8 @@ pub(crate) struct Around {
     as_wide: [u32; REACH as usize + 1],
     /// where its cells begin in [`FARTHEST_FIRST`]
     first: usize,
+    /// 2 ln d \[m\] by squared distance in cells
+    logarithms: [f32; SQUARES],
     /// σ² d^{2H} by squared distance in cells; 0 where the roughness is not known
     hidden: [f32; SQUARES],
 }
@@ -159,6 +161,9 @@ impl Around {
                 .iter()
                 .take_while(|&&(x, y)| !is_within(radius, x.into(), y.into()))
                 .count(),
+            logarithms: core::array::from_fn(|square| {
+                math::ln(square as f32 * resolution * resolution)
+            }),
             hidden: [0.0; SQUARES],
         };
         for y in 0..=radius {
@@ -176,16 +181,11 @@ impl Around {
 
     /// The same ground, this rough.
     pub(crate) fn set_roughness(&mut self, roughness: Option<&Roughness>) {
-        let mut last = 0;
-        for &(x, y) in &FARTHEST_FIRST[self.first..] {
-            let square = square(x, y);
-            if square != last {
-                let metres = f32::from(square) * self.resolution * self.resolution;
-                self.hidden[usize::from(square)] = roughness.map_or(0.0, |r| {
-                    r.sigma * r.sigma * math::exp(r.hurst * math::ln(metres))
-                });
-                last = square;
-            }
+        let (sigma, hurst) = roughness.map_or((0.0, 0.0), |r| (r.sigma, r.hurst));
+        let of_disc = 1..(self.radius * self.radius + 2) as usize;
+        let logarithms = &self.logarithms[of_disc.clone()];
+        for (hidden, logarithm) in self.hidden[of_disc].iter_mut().zip(logarithms) {
+            *hidden = sigma * sigma * math::exp(hurst * logarithm);
         }
     }
 }
