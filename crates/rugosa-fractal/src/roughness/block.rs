@@ -208,7 +208,7 @@ impl Block {
     }
 
     fn by_rows<const NEAR: bool>(&self, lag: usize, own: TileBits) -> LagSums {
-        let mut sums = LagSums::EMPTY;
+        let mut totals = Totals::default();
         let lower = self.at_offset((0, 0));
         for &(x, y) in offsets(lag) {
             let upper = self.at_offset((x, y));
@@ -219,9 +219,9 @@ impl Block {
                     pairs.add::<NEAR>(&lower.row(row), &upper.row(row), twice);
                 }
             }
-            pairs.add_to(&mut sums, (x.into(), y.into()));
+            totals.add(&pairs, (x.into(), y.into()));
         }
-        sums
+        totals.sums()
     }
 
     /// The cells at an offset from those of the tile.
@@ -309,23 +309,45 @@ impl Pairs {
             self.excess += east.dot(east + twice[0]) + north.dot(north + twice[1]);
         }
     }
-
-    #[inline(always)]
-    fn add_to(&self, sums: &mut LagSums, offset: (i32, i32)) {
-        let one = i16x8::splat(1);
-        let [pairs, rise, upward] =
-            [self.count, self.rise, self.upward].map(|lanes| lanes.dot(one).reduce_add());
-        let noise = self.noise.reduce_add() + pairs * 2 * (HALF as i32);
-        sums.square += total(self.square);
-        sums.absolute += (2 * upward - rise) as u32;
-        sums.noise += noise as u32;
-        sums.excess += self.excess.reduce_add();
-        sums.add_offset(rise, pairs as u32, offset);
-    }
 }
 
-/// Sum of four that are not negative.
-#[inline(always)]
-fn total(lanes: i32x4) -> u64 {
-    lanes.to_array().iter().map(|&lane| lane as u64).sum()
+/// The sums over the pairs of a lag; in lanes what needs no offset.
+#[derive(Default)]
+struct Totals {
+    /// pairs, Σ Δz and what they give with the offsets
+    sums: LagSums,
+    rise: i32,
+    upward: i32x4,
+    square: [u64; 4],
+    noise: i32x4,
+    excess: i32x4,
+}
+
+impl Totals {
+    /// Adds the pairs of an offset.
+    #[inline(always)]
+    fn add(&mut self, pairs: &Pairs, offset: (i32, i32)) {
+        let one = i16x8::splat(1);
+        let [count, rise] = [pairs.count, pairs.rise].map(|lanes| lanes.dot(one).reduce_add());
+        self.sums.add_offset(rise, count as u32, offset);
+        self.rise += rise;
+        self.upward += pairs.upward.dot(one);
+        for (total, square) in self.square.iter_mut().zip(pairs.square.to_array()) {
+            *total += u64::from(square as u32);
+        }
+        self.noise += pairs.noise;
+        self.excess += pairs.excess;
+    }
+
+    #[inline(always)]
+    fn sums(self) -> LagSums {
+        let noise = self.noise.reduce_add() as u32;
+        LagSums {
+            square: self.square.iter().sum(),
+            absolute: (2 * self.upward.reduce_add() - self.rise) as u32,
+            noise: noise.wrapping_add(self.sums.pairs * 2 * u32::from(HALF)),
+            excess: self.excess.reduce_add(),
+            ..self.sums
+        }
+    }
 }
