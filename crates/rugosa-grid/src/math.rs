@@ -141,7 +141,8 @@ pub fn asin(x: f32) -> f32 {
 /// Natural logarithm; NaN where x is not above zero. For what is normal: it takes infinity for
 /// 2¹²⁸ and what is below 2⁻¹²⁶ for something near that.
 ///
-/// The mantissa is brought between √½ and √2; polynomial of the Cephes library (Moshier 1989).
+/// The mantissa m is brought between √½ and √2; ln m = 2 artanh s, s = (m − 1) / (m + 1), as in
+/// the FreeBSD library (`e_logf.c`), whose coefficients these are.
 ///
 /// ```
 /// use rugosa_grid::math::{exp, ln};
@@ -149,17 +150,19 @@ pub fn asin(x: f32) -> f32 {
 /// assert!((ln(10.0) - 2.302585).abs() < 3e-7 && (ln(exp(-2.0)) + 2.0).abs() < 3e-7);
 /// assert!(ln(0.0).is_nan() && ln(-1.0).is_nan());
 /// ```
-#[inline(always)]
+#[cfg_attr(target_arch = "arm", inline(never))] // no vectors, little flash
+#[cfg_attr(not(target_arch = "arm"), inline(always))]
 pub fn ln(x: f32) -> f32 {
     const MANTISSA: u32 = 23;
-    let exponent = (x.to_bits() as i32).wrapping_sub(SQRT_HALF.to_bits() as i32) >> MANTISSA;
+    const SQRT_HALF: i32 = core::f32::consts::FRAC_1_SQRT_2.to_bits() as i32;
+    let exponent = (x.to_bits() as i32).wrapping_sub(SQRT_HALF) >> MANTISSA;
     let mantissa = (x.to_bits() as i32).wrapping_sub(exponent << MANTISSA);
-    let (e, m) = (exponent as f32, f32::from_bits(mantissa as u32) - 1.0);
-    let p = ((7.037_683_6e-2 * m - 0.115_146_1) * m + 0.116_769_99) * m - 0.124_201_41;
-    let p = ((p * m + 0.142_493_23) * m - 0.166_680_57) * m + 0.200_007_15;
-    let p = (p * m - 0.249_999_94) * m + 0.333_333_31;
-    let small = p * m * m * m - 0.5 * m * m + e * LN_2_LOW;
-    let y = small + m + e * LN_2_HIGH;
+    let (k, f) = (exponent as f32, f32::from_bits(mantissa as u32) - 1.0);
+    let s = f / (2.0 + f);
+    let (z, half) = (s * s, 0.5 * f * f);
+    let w = z * z;
+    let rest = w * (0.400_009_72 + w * 0.242_790_79) + z * (0.666_666_6 + w * 0.284_987_87);
+    let y = s * (half + rest) + k * LN_2_LOW - half + f + k * LN_2_HIGH;
     if x > 0.0 { y } else { f32::NAN }
 }
 
@@ -170,31 +173,33 @@ pub fn log2(x: f32) -> f32 {
 
 /// e to the power `x`, |x| ≤ 87; beyond it is e^±87.
 ///
-/// Reduction to |r| ≤ ½ ln 2 with ln 2 in two pieces, polynomial of the Cephes library
-/// (Moshier 1989).
+/// Reduction to |r| ≤ ½ ln 2, then e^r = 1 + r + r c / (2 − c), c = r − r² (P₁ + P₂ r²), as in the
+/// FreeBSD library (`e_expf.c`), whose coefficients these are.
 ///
 /// ```
 /// use rugosa_grid::math::exp;
 /// assert_eq!((exp(0.0), exp(-100.0)), (1.0, exp(-87.0)));
 /// assert!((exp(1.0) - core::f32::consts::E).abs() < 3e-7 && exp(f32::NAN).is_nan());
 /// ```
-#[inline(always)]
+#[cfg_attr(target_arch = "arm", inline(never))] // no vectors, little flash
+#[cfg_attr(not(target_arch = "arm"), inline(always))]
 pub fn exp(x: f32) -> f32 {
     let x = x.clamp(-87.0, 87.0);
     // adding 1.5 · 2²³ rounds to the nearest integer and leaves it in the last bits
     const ROUND: f32 = 12_582_912.0;
     let rounded = x * core::f32::consts::LOG2_E + ROUND;
     let k = rounded - ROUND;
-    let r = (x - k * LN_2_HIGH) - k * LN_2_LOW;
-    let p = ((1.987_569_2e-4 * r + 1.398_199_9e-3) * r + 8.333_452e-3) * r + 4.166_579_6e-2;
-    let p = ((p * r + 0.166_666_65) * r + 0.5) * r * r + r + 1.0;
-    p * f32::from_bits((rounded.to_bits() << 23).wrapping_add(1.0f32.to_bits()))
+    let (high, low) = (x - k * LN_2_HIGH, k * LN_2_LOW);
+    let r = high - low;
+    let square = r * r;
+    let c = r - square * (0.166_666_25 - square * 2.766_733_3e-3);
+    let power = 1.0 + (r * c / (2.0 - c) - low + high);
+    power * f32::from_bits((rounded.to_bits() << 23).wrapping_add(1.0f32.to_bits()))
 }
 
-const SQRT_HALF: f32 = core::f32::consts::FRAC_1_SQRT_2;
-/// ln 2 in two pieces, the first of so few bits that whole multiples are exact.
-const LN_2_HIGH: f32 = 0.693_359_4;
-const LN_2_LOW: f32 = -2.121_944_4e-4;
+/// ln 2 in two pieces, the first of so few bits that k times it is exact.
+const LN_2_HIGH: f32 = 0.693_138_1;
+const LN_2_LOW: f32 = 9.058_001e-6;
 
 /// 2 to the power `x`.
 pub fn exp2(x: f32) -> f32 {

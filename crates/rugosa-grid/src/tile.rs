@@ -175,15 +175,21 @@ impl TileSlots {
     /// let first = window.slot(Cell::new(8, 2)).unwrap();
     /// assert_eq!(span(1), Some(first..first + 8));
     /// assert_eq!([span(-2), span(2)], [None, None]); // columns −16 … −9 and 16 … 23
+    /// // no such row in the window
+    /// let south = |x| TileSlots::of(&window, Tile::new(x, -1)).span(2);
+    /// assert!(south(1).unwrap().start > 33 * 33 && south(9).is_none());
     /// ```
     ///
     /// # Panics
     /// If there is no such row.
     #[inline(always)]
     pub fn span(&self, row: usize) -> Option<core::ops::Range<usize>> {
+        const LENGTH: usize = TILE as usize;
         let [first, .., last] = self.columns;
-        let (start, end) = (self.rows[row] + first, self.rows[row] + last + 1);
-        (end == start + self.columns.len()).then_some(start..end)
+        (last == first + LENGTH - 1).then(|| {
+            let start = self.rows[row] + first;
+            start..start + LENGTH
+        })
     }
 
     /// Those of the cells of a row.

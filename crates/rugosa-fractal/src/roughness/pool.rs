@@ -238,23 +238,24 @@ impl<'a> Pools<'a> {
         let is_next = self.at == Some(Tile::new(tile.x - 1, tile.y));
         let first = if is_next { 1 } else { -1 };
         for x in tile.x + first..=tile.x + 1 {
-            self.columns[x.rem_euclid(3) as usize] = self.column(Tile::new(x, tile.y - 1));
+            self.add_up(Tile::new(x, tile.y - 1));
         }
         self.at = Some(tile);
-        let [mut pool, second, third] = self.columns;
-        pool.join(&second);
-        pool.join(&third);
+        let mut pool = self.columns[0];
+        for column in &self.columns[1..] {
+            pool.join(column);
+        }
         pool
     }
 
-    /// Three tiles from `lowest` to the north.
-    fn column(&self, lowest: Tile) -> Pool {
-        let mut pool = Pool::new();
+    /// The column of three tiles from `lowest` to the north.
+    fn add_up(&mut self, lowest: Tile) {
+        let column = &mut self.columns[lowest.x.rem_euclid(3) as usize];
+        *column = Pool::new();
         let slots = self.tiles.rectangle::<1, 3>(lowest);
         for slot in slots.into_iter().flatten().flatten() {
-            pool.add(&self.sums[slot]);
+            column.add(&self.sums[slot]);
         }
-        pool
     }
 }
 
