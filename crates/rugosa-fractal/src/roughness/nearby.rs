@@ -8,7 +8,7 @@
 //! Cost on x86-64, on the rings of a first sweep: 1,500 instructions to look at what is near,
 //! 7,400 for a tile with 45 pairs, 4,900 for a single sample.
 
-use super::offsets::{LAGS, NEAR_LAGS, REACH, offsets};
+use super::offsets::{LAGS, NEAR_LAGS, REACH, lag_of, offsets, partners};
 use super::sums::LagSums;
 use core::array::from_fn;
 use rugosa_grid::tile::places_of;
@@ -88,24 +88,25 @@ impl Nearby {
         }
     }
 
-    /// The measured cells y rows to the north of the tile's cell at `place`, in these columns
-    /// (bit x + [`REACH`]): each x, and where it lives.
+    /// The measured upper or lower partners of the tile's cell at `place`: lag, offset from it,
+    /// and where it lives.
     #[inline(always)]
-    pub(super) fn row(
+    pub(super) fn partners(
         &self,
         place: usize,
-        y: i8,
-        columns: u64,
-    ) -> impl Iterator<Item = (i32, usize)> {
-        let (column, row) = (
-            place % 8,
-            (place / 8 + REACH as usize).wrapping_add_signed(y.into()),
-        );
-        let bits = self.measured.get(row).map_or(0, |row| row >> column) & columns;
-        let start = self.rows.get(row).map_or(NOWHERE, |start| *start);
-        places_of(bits).map(move |x| {
-            let part = self.columns.get(column + x).map_or(NOWHERE, |part| *part);
-            (x as i32 - REACH, start + part)
+        is_upper: bool,
+    ) -> impl Iterator<Item = (usize, (i32, i32), usize)> {
+        let (column, row) = (place % 8, place / 8 + REACH as usize);
+        (0..=REACH).flat_map(move |rows| {
+            let y = if is_upper { rows } else { -rows };
+            let row = row.wrapping_add_signed(y as isize);
+            let measured = self.measured.get(row).map_or(0, |row| row >> column);
+            let start = self.rows.get(row).map_or(NOWHERE, |start| *start);
+            places_of(measured & partners(rows as usize, is_upper)).map(move |i| {
+                let part = self.columns.get(column + i).map_or(NOWHERE, |part| *part);
+                let x = i as i32 - REACH;
+                (lag_of(x, rows), (x, y), start + part)
+            })
         })
     }
 

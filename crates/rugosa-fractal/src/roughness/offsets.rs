@@ -54,87 +54,61 @@ pub fn offsets(lag: usize) -> &'static [(i8, i8)] {
     &TABLE[START[lag] as usize..START[lag + 1] as usize]
 }
 
-/// The offsets of a lag that lie in one row of cells: with each its mirror image.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Row {
-    /// rows to the north, 0 … [`REACH`]
-    y: i8,
-    /// bit x for the columns x and −x
-    columns: u32,
-}
-
-impl Row {
-    /// Where the upper or the lower partners of a cell lie: rows to the north, and columns
-    /// (bit x + [`REACH`]).
-    ///
-    /// ```
-    /// use rugosa_fractal::roughness::offsets::rows;
-    /// let [row, next] = rows(0) else { panic!() };
-    /// assert_eq!((row.partners(true), row.partners(false)), ((0, 1 << 17), (0, 1 << 15)));
-    /// assert_eq!((next.partners(true), next.partners(false)), ((1, 7 << 15), (-1, 7 << 15)));
-    /// ```
-    #[inline(always)]
-    pub fn partners(&self, is_upper: bool) -> (i8, u64) {
-        let east = u64::from(self.columns) << REACH;
-        let west = u64::from(self.columns.reverse_bits()) >> (u32::BITS as i32 - 1 - REACH);
-        match (is_upper, self.y > 0) {
-            (true, true) => (self.y, east | west),
-            (false, true) => (-self.y, east | west),
-            (true, false) => (0, east),
-            (false, false) => (0, west),
-        }
+/// The columns (bit x + [`REACH`]) of the partners of a cell `rows` = 0 … [`REACH`] rows away, of
+/// all lags: upper ones lie to the north and, in its own row, to the east; lower ones to the south
+/// and west.
+///
+/// ```
+/// use rugosa_fractal::roughness::offsets::{lag_of, partners};
+/// let columns = |rows, is_upper| -> Vec<i32> {
+///     (-16..=16).filter(|x| partners(rows, is_upper) >> (x + 16) & 1 == 1).collect()
+/// };
+/// assert_eq!(columns(0, true), [1, 2, 3, 4, 6, 8, 12, 16]);
+/// assert_eq!(columns(0, false), [-16, -12, -8, -6, -4, -3, -2, -1]);
+/// assert_eq!(columns(15, true), [-6, 6]);
+/// assert_eq!(columns(15, true).into_iter().map(|x| lag_of(x, 15)).max(), Some(7));
+/// ```
+#[inline(always)]
+pub fn partners(rows: usize, is_upper: bool) -> u64 {
+    let columns = COLUMNS.get(rows).map_or(0, |columns| *columns);
+    const WEST: u64 = (1 << REACH) - 1;
+    match (rows, is_upper) {
+        (0, true) => columns & !WEST,
+        (0, false) => columns & WEST,
+        _ => columns,
     }
 }
 
-/// Lags have so many rows together.
-const ROWS: usize = ROW_START[LAGS] as usize;
-const ROW_START: [u8; LAGS + 1] = row_starts();
-static ROW_TABLE: [Row; ROWS] = row_table();
-
-/// The offsets of lag number `lag`, row by row.
-#[inline]
-pub fn rows(lag: usize) -> &'static [Row] {
-    &ROW_TABLE[ROW_START[lag] as usize..ROW_START[lag + 1] as usize]
+/// Number of the lag to which the offset (x, y) or its opposite belongs.
+#[inline(always)]
+pub fn lag_of(x: i32, y: i32) -> usize {
+    let place = y.unsigned_abs() as usize * SIDE + x.unsigned_abs() as usize;
+    LAG_TABLE.get(place).map_or(0, |lag| usize::from(*lag))
 }
 
-/// The columns x ≥ 0 of a lag's offsets y rows to the north.
-const fn columns(lag: usize, y: i8) -> u32 {
-    let (mut columns, mut at) = (0, START[lag] as usize);
-    while at < START[lag + 1] as usize {
-        if OFFSET_TABLE[at].1 == y && OFFSET_TABLE[at].0 >= 0 {
-            columns |= 1 << OFFSET_TABLE[at].0;
-        }
+/// Offsets reach so many rows, and columns to each side, the own one among them.
+const SIDE: usize = REACH as usize + 1;
+static COLUMNS: [u64; SIDE] = columns();
+static LAG_TABLE: [u8; SIDE * SIDE] = lag_table();
+
+const fn columns() -> [u64; SIDE] {
+    let (mut columns, mut at) = ([0; SIDE], 0);
+    while at < OFFSETS {
+        let (x, y) = OFFSET_TABLE[at];
+        columns[y as usize] |= 1 << (x as i32 + REACH) | 1 << (REACH - x as i32);
         at += 1;
     }
     columns
 }
 
-const fn row_starts() -> [u8; LAGS + 1] {
-    let (mut start, mut lag) = ([0; LAGS + 1], 0);
+const fn lag_table() -> [u8; SIDE * SIDE] {
+    let (mut table, mut lag) = ([0; SIDE * SIDE], 0);
     while lag < LAGS {
-        start[lag + 1] = start[lag];
-        let mut y = 0;
-        while y <= REACH as i8 {
-            start[lag + 1] += (columns(lag, y) != 0) as u8;
-            y += 1;
-        }
-        lag += 1;
-    }
-    start
-}
-
-const fn row_table() -> [Row; ROWS] {
-    let none = Row { y: 0, columns: 0 };
-    let (mut table, mut at, mut lag) = ([none; ROWS], 0, 0);
-    while lag < LAGS {
-        let mut y = 0;
-        while y <= REACH as i8 {
-            let columns = columns(lag, y);
-            if columns != 0 {
-                table[at] = Row { y, columns };
-                at += 1;
-            }
-            y += 1;
+        let mut at = START[lag] as usize;
+        while at < START[lag + 1] as usize {
+            let (x, y) = OFFSET_TABLE[at];
+            table[y as usize * SIDE + x.unsigned_abs() as usize] = lag as u8;
+            at += 1;
         }
         lag += 1;
     }
@@ -256,22 +230,21 @@ mod tests {
 
     #[test]
     fn rows_hold_the_offsets_and_their_opposites() {
-        for lag in 0..LAGS {
-            let partners = |is_upper| -> BTreeSet<(i8, i8)> {
-                let partners = rows(lag).iter().map(|row| row.partners(is_upper));
-                let each = |(y, columns): (i8, u64)| {
-                    (-REACH..=REACH).filter_map(move |x| {
-                        (columns >> (x + REACH) & 1 == 1).then_some((x as i8, y))
-                    })
-                };
-                partners.flat_map(each).collect()
+        let all = |is_upper| -> BTreeSet<(usize, i32, i32)> {
+            let row = |y: i32| {
+                let columns = partners(y as usize, is_upper);
+                let columns = (-REACH..=REACH).filter(move |x| columns >> (x + REACH) & 1 == 1);
+                columns.map(move |x| (lag_of(x, y), x, if is_upper { y } else { -y }))
             };
-            assert_eq!(partners(true), offsets(lag).iter().copied().collect());
-            assert_eq!(
-                partners(false),
-                offsets(lag).iter().map(|&(x, y)| (-x, -y)).collect()
-            );
-        }
+            (0..=REACH).flat_map(row).collect()
+        };
+        let of_lag = |lag: usize| {
+            let each = offsets(lag).iter();
+            each.map(move |&(x, y)| (lag, i32::from(x), i32::from(y)))
+        };
+        let upper: BTreeSet<_> = (0..LAGS).flat_map(of_lag).collect();
+        let lower = upper.iter().map(|&(lag, x, y)| (lag, -x, -y)).collect();
+        assert_eq!((all(true), all(false)), (upper, lower));
     }
 
     #[test]

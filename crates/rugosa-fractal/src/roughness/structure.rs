@@ -25,7 +25,7 @@
 //! `docs/results-roughness.md`. Memory: 400 bytes per tile and one [`Block`].
 
 use super::block::{Block, HAS_VECTORS};
-use super::offsets::{LAGS, REACH, rows};
+use super::offsets::{LAGS, REACH};
 use super::sums::{LagSums, TileSums};
 use rugosa_grid::tile::{TileSlots, places_of};
 use rugosa_grid::{Cell, Sample, TILE, Tile, TileBits, Tiles, Window};
@@ -260,31 +260,26 @@ impl<'m> StructureFunction<'m> {
         sample: &Sample,
         is_added: bool,
     ) {
-        for lag in 0..LAGS {
-            for row in rows(lag) {
-                for is_upper in [true, false] {
-                    let (y, columns) = row.partners(is_upper);
-                    for (x, slot) in self.block.nearby.row(place, y, columns) {
-                        let (y, other) = (y.into(), samples.get(slot));
-                        let tile = match is_upper {
-                            true => around.own(),
-                            false => around.tile(place, (x, y)),
-                        };
-                        if let Some(other) = other.filter(|other| other.is_counted())
-                            && let Some(tile) = self.tiles.get_mut(tile)
-                        {
-                            let pair = match is_upper {
-                                true => LagSums::of_pair(lag, sample, other, (x, y)),
-                                false => LagSums::of_pair(lag, other, sample, (-x, -y)),
-                            };
-                            match is_added {
-                                true => tile.lags[lag] += &pair,
-                                false => tile.lags[lag] -= &pair,
-                            }
-                        }
+        for is_upper in [true, false] {
+            let partners = self.block.nearby.partners(place, is_upper);
+            partners.for_each(|(lag, (x, y), slot)| {
+                let tile = match is_upper {
+                    true => around.own(),
+                    false => around.tile(place, (x, y)),
+                };
+                if let Some(other) = samples.get(slot).filter(|other| other.is_counted())
+                    && let Some(tile) = self.tiles.get_mut(tile)
+                {
+                    let pair = match is_upper {
+                        true => LagSums::of_pair(lag, sample, other, (x, y)),
+                        false => LagSums::of_pair(lag, other, sample, (-x, -y)),
+                    };
+                    match is_added {
+                        true => tile.lags[lag] += &pair,
+                        false => tile.lags[lag] -= &pair,
                     }
                 }
-            }
+            });
         }
     }
 }
