@@ -257,39 +257,41 @@ impl Tiles {
         self.0.slot(Cell::new(tile.x, tile.y))
     }
 
-    /// Where the tiles of [`Tile::around`] live.
+    /// Where the tiles of [`Tile::around`] live; beyond all planes where there is none.
     ///
     /// ```
     /// use rugosa_grid::{Cell, Tile, Tiles, Window};
     /// let tiles = Tiles::of(&Window::around(33, Cell::new(0, 0)));
     /// let corner = Tile::new(-2, -2);
-    /// assert_eq!(tiles.around(corner), corner.around().map(|near| tiles.slot(near)));
-    /// assert_eq!(tiles.around(corner).iter().flatten().count(), 4);
+    /// for (near, slot) in corner.around().into_iter().zip(tiles.around(corner)) {
+    ///     assert_eq!(tiles.slot(near), (slot < tiles.len()).then_some(slot));
+    /// }
     /// ```
-    pub fn around(&self, tile: Tile) -> [Option<usize>; 9] {
+    pub fn around(&self, tile: Tile) -> [usize; 9] {
         let around =
             self.rectangle::<3, 3>(Tile::new(tile.x.wrapping_sub(1), tile.y.wrapping_sub(1)));
         from_fn(|i| around[i / 3][i % 3])
     }
 
-    /// Where the tiles of a rectangle live, row by row from its lowest tile.
+    /// Where the tiles of a rectangle live, row by row from its lowest tile; beyond all planes
+    /// where there is none.
     ///
     /// ```
     /// use rugosa_grid::{Cell, Tile, Tiles, Window};
     /// let tiles = Tiles::of(&Window::around(33, Cell::new(0, 0))); // tiles −2 … 2
-    /// let [row] = tiles.rectangle::<3, 1>(Tile::new(1, 0));
-    /// assert_eq!(row, [tiles.slot(Tile::new(1, 0)), tiles.slot(Tile::new(2, 0)), None]);
+    /// let [[first, second, none]] = tiles.rectangle::<3, 1>(Tile::new(1, 0));
+    /// assert_eq!(Some(first), tiles.slot(Tile::new(1, 0)));
+    /// assert_eq!(Some(second), tiles.slot(Tile::new(2, 0)));
+    /// assert!(none > 1000 * tiles.len());
     /// ```
     #[inline]
     pub fn rectangle<const ACROSS: usize, const UP: usize>(
         &self,
         lowest: Tile,
-    ) -> [[Option<usize>; ACROSS]; UP] {
-        let columns: [_; ACROSS] = from_fn(|x| self.0.column_part(lowest.x.wrapping_add(x as i32)));
-        from_fn(|y| {
-            let row = self.0.row_part(lowest.y.wrapping_add(y as i32));
-            columns.map(|column| Some(row? + column?))
-        })
+    ) -> [[usize; ACROSS]; UP] {
+        let columns: [usize; ACROSS] = self.0.column_parts(lowest.x);
+        let rows: [usize; UP] = self.0.row_parts(lowest.y);
+        rows.map(|row| columns.map(|column| row + column))
     }
 
     /// All tiles, row by row from the south-west corner.

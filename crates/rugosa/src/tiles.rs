@@ -92,8 +92,10 @@ impl<'m> Ground<'m> {
     }
 
     fn each_around(&mut self, tiles: &Tiles, tile: Tile, apply: impl Fn(&mut TileGround)) {
-        for slot in tiles.around(tile).into_iter().flatten() {
-            apply(&mut self.tiles[slot]);
+        for slot in tiles.around(tile) {
+            if let Some(near) = self.tiles.get_mut(slot) {
+                apply(near);
+            }
         }
     }
 

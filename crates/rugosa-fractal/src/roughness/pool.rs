@@ -253,8 +253,8 @@ impl<'a> Pools<'a> {
         let column = &mut self.columns[lowest.x.rem_euclid(3) as usize];
         *column = Pool::new();
         let slots = self.tiles.rectangle::<1, 3>(lowest);
-        for slot in slots.into_iter().flatten().flatten() {
-            column.add(&self.sums[slot]);
+        for tile in slots.iter().filter_map(|[slot]| self.sums.get(*slot)) {
+            column.add(tile);
         }
     }
 }

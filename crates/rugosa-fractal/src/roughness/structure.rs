@@ -110,7 +110,7 @@ impl<'m> StructureFunction<'m> {
 
     /// Which cells are measured, of the tiles of [`Tile::around`].
     pub fn measured_around(&self, tiles: &Tiles, tile: Tile) -> [TileBits; 9] {
-        let measured = |slot: Option<usize>| slot.map_or(0, |slot| self.tiles[slot].measured);
+        let measured = |slot: usize| self.tiles.get(slot).map_or(0, |tile| tile.measured);
         tiles.around(tile).map(measured)
     }
 
@@ -293,12 +293,12 @@ fn is_measured(window: &Window, samples: &[Sample], cell: Cell) -> bool {
 const TILES_REACHED: i32 = REACH / TILE;
 const ACROSS: usize = 2 * TILES_REACHED as usize + 1;
 const DOWN: usize = TILES_REACHED as usize + 1;
-const NONE: u32 = u32::MAX >> 2;
+const NONE: usize = usize::MAX / 2;
 
-/// The slots of the tiles that can own a pair with a cell of a tile; `NONE` where there
+/// The slots of the tiles that can own a pair with a cell of a tile; `NONE` or beyond where there
 /// is none or its sums are not to be touched.
 struct Surroundings {
-    slots: [[u32; ACROSS]; DOWN],
+    slots: [[usize; ACROSS]; DOWN],
     /// that of the tile itself, to be touched or not
     slot: usize,
 }
@@ -307,17 +307,15 @@ impl Surroundings {
     fn of(tiles: &Tiles, tile: Tile) -> Self {
         let x = tile.x.wrapping_sub(TILES_REACHED);
         let y = tile.y.wrapping_sub(TILES_REACHED);
-        let mut slots = tiles
-            .rectangle::<ACROSS, DOWN>(Tile::new(x, y))
-            .map(|row| row.map(|slot| slot.map_or(NONE, |slot| slot as u32)));
+        let mut slots = tiles.rectangle::<ACROSS, DOWN>(Tile::new(x, y));
         slots.reverse(); // southward
-        let slot = slots[0][TILES_REACHED as usize] as usize;
+        let slot = slots[0][TILES_REACHED as usize];
         Surroundings { slots, slot }
     }
 
     fn without_stale(mut self, tiles: &[TileSums]) -> Self {
         for slot in self.slots.iter_mut().flatten() {
-            if tiles.get(*slot as usize).is_some_and(|tile| tile.stale) {
+            if tiles.get(*slot).is_some_and(|tile| tile.stale) {
                 *slot = NONE;
             }
         }
@@ -326,19 +324,19 @@ impl Surroundings {
 
     fn each(&self, tiles: &mut [TileSums], act: impl Fn(&mut TileSums)) {
         for &slot in self.slots.iter().flatten() {
-            if let Some(tile) = tiles.get_mut(slot as usize) {
+            if let Some(tile) = tiles.get_mut(slot) {
                 act(tile);
             }
         }
     }
 
     fn is_empty(&self) -> bool {
-        self.slots.iter().flatten().all(|&slot| slot == NONE)
+        self.slots.iter().flatten().all(|&slot| slot >= NONE)
     }
 
     #[inline(always)]
     fn own(&self) -> usize {
-        self.slots[0][TILES_REACHED as usize] as usize
+        self.slots[0][TILES_REACHED as usize]
     }
 
     /// The tile of the neighbour (x, y) cells from that at `place`, y ≤ 0.
@@ -346,6 +344,6 @@ impl Surroundings {
     fn tile(&self, place: usize, (x, y): (i32, i32)) -> usize {
         let across = ((place as i32 % TILE + x) >> 3) + TILES_REACHED;
         let down = -((place as i32 / TILE + y) >> 3);
-        self.slots[down as usize][across as usize] as usize
+        self.slots[down as usize][across as usize]
     }
 }
