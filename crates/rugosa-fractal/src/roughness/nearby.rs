@@ -81,7 +81,11 @@ impl Nearby {
             for x in first..TILES {
                 let [east, north] = [x - OWN, y as i32 - OWN];
                 let near = Tile::new(tile.x.wrapping_add(east), tile.y.wrapping_add(north));
-                for (row, bits) in rows.iter_mut().zip(measured(near).to_le_bytes()) {
+                let bits = measured(near);
+                if bits == 0 {
+                    continue;
+                }
+                for (row, bits) in rows.iter_mut().zip(bits.to_le_bytes()) {
                     *row |= u64::from(bits) << (TILE * x);
                 }
             }
