@@ -2,7 +2,9 @@
 //! lags 2–30, for D = 2.1 … 2.9, without noise and at 30, 25, 20 and 10 dB, noise known and
 //! fitted. Prints the tables of docs/results-roughness.md.
 //!
-//! `cargo run --release -p rugosa-fractal --features std --example accuracy [-- SURFACES [SIDE]]`
+//! `cargo run --release -p rugosa-fractal --features std --example accuracy [-- SURFACES [SIDE [FIRST]]]`
+//!
+//! FIRST: number of the first pair of surfaces, 0 unless given; another gives other surfaces.
 
 use rand_core::{Rng, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -33,6 +35,7 @@ fn main() {
         .map(|a| a.parse().expect("a number"));
     let surfaces: usize = arguments.next().unwrap_or(20);
     let side: usize = arguments.next().unwrap_or(512);
+    let first: usize = arguments.next().unwrap_or(0);
     let estimators = [
         (
             "Pentland, all lags",
@@ -52,8 +55,8 @@ fn main() {
     ];
     let mut errors = vec![vec![vec![Vec::new(); DIMENSIONS.len()]; CASES.len()]; estimators.len()];
     for (d, dimension) in DIMENSIONS.iter().enumerate() {
-        for pair in 0..surfaces.div_ceil(2) {
-            eprint!("\rD {dimension}: {} of {surfaces} ", 2 * pair);
+        for pair in first..first + surfaces.div_ceil(2) {
+            eprint!("\rD {dimension}: {} of {surfaces} ", 2 * (pair - first));
             for (half, heights) in exact_fbm_pair(side, 3.0 - dimension, 1000 + pair as u64)
                 .iter()
                 .enumerate()

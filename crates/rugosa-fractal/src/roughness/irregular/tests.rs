@@ -100,8 +100,8 @@ fn dimension_of_exact_surfaces() {
 }
 
 /// Deviation of H over 40 surfaces against what the estimates say of themselves. 40 surfaces
-/// know the true deviation within 11 %. Fitted noise on rough ground: noise and ground look
-/// alike, and that these surfaces have next to none is not in the data.
+/// know the true deviation within 11 %, less well where noise is fitted on rough ground: a
+/// few look as if they had noise, and how many is chance.
 #[test]
 fn stated_errors_of_points_are_right_within_40_percent() {
     use Noise::{Fitted, Known};
@@ -124,7 +124,6 @@ fn stated_errors_of_points_are_right_within_40_percent() {
         (0.15, vec![(0.0, Fitted)]),
     ];
     for (hurst, cases) in cases {
-        let most = if hurst == 0.15 { 2.5 } else { 1.4 };
         let surfaces: Vec<Vec<f32>> = (100..120)
             .flat_map(|seed| exact_fbm_pair(256, hurst, seed))
             .collect();
@@ -138,7 +137,7 @@ fn stated_errors_of_points_are_right_within_40_percent() {
             }
             let ratio = libm::sqrt(stated / squares);
             println!("H {hurst}, noise {std} {noise:?}: stated / true {ratio:.2}");
-            assert!((1.0 / 1.4..most).contains(&ratio), "{ratio:.2}");
+            assert!((1.0 / 1.4..1.4).contains(&ratio), "{ratio:.2}");
         }
     }
 }
