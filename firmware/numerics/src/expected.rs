@@ -3,8 +3,8 @@
 pub const SQRT: u32 = 0x7e653743;
 pub const CIRCULAR: u32 = 0x985299da;
 pub const ARCS: u32 = 0xc3aec57d;
-pub const LOGARITHMS: u32 = 0x46e51f71;
-pub const EXPONENTIALS: u32 = 0x78f9dac8;
+pub const LOGARITHMS: u32 = 0x89e5b343;
+pub const EXPONENTIALS: u32 = 0x43de1cd3;
 pub const POWERS: u32 = 0x5e9e36f3;
 pub const ERROR_FUNCTION: u32 = 0x0d560c73;
 pub const ROUNDING: u32 = 0xff4abdcb;
