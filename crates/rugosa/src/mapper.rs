@@ -263,6 +263,7 @@ impl<'m> Mapper<'m> {
         Ok((place, body * self.scanner.mount))
     }
 
+    #[inline(never)] // the inner loop gets the registers to itself
     fn map(&mut self, line: &ScanLine, map_from_sensor: &Isometry3<f32>) {
         let Some(description) = self.scanner.ready() else {
             return;
