@@ -26,8 +26,8 @@ use super::offsets::LAGS;
 use rugosa_grid::math;
 
 /// What the lags say, from the shortest to the longest; each quantity a list of its own, so
-/// that the compiler takes those of several lags at once. Beyond the lags that there are all is
-/// 0.
+/// that the compiler takes those of several lags at once. Beyond the lags that there are the
+/// lists mean nothing.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Lags {
     /// mean squared distance \[m²\]

@@ -201,7 +201,7 @@ impl Pool {
 ///
 /// ```
 /// use rugosa_fractal::roughness::{LagSums, Pool, Pools, TileSums};
-/// use rugosa_grid::{Cell, Sample, Tiles, Window};
+/// use rugosa_grid::{Cell, Sample, Tile, Tiles, Window};
 /// let tiles = Tiles::of(&Window::new(33, Cell::new(-9, 5)));
 /// let mut sums = [TileSums::EMPTY; 25];
 /// for (i, sums) in (0..).zip(&mut sums) {
@@ -209,7 +209,8 @@ impl Pool {
 ///     sums.lags[0] = LagSums::of_pair(0, &lower, &upper, (1, 0));
 /// }
 /// let mut pools = Pools::new(&sums, &tiles);
-/// for tile in tiles.tiles().filter(|tile| tile.x != 0) {
+/// let [east, north_east] = [(0, 2), (1, 3)].map(|(x, y)| Tile::new(x, y));
+/// for tile in tiles.tiles().filter(|tile| tile.x != 0).chain([east, north_east]) {
 ///     assert_eq!(pools.around(tile), Pool::around(&sums, &tiles, tile));
 /// }
 /// ```
