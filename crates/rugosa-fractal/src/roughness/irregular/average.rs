@@ -64,13 +64,17 @@ pub struct Whitened {
 }
 
 impl Whitened {
-    /// A derivative by this data, as one by the same data whitened for another fit.
-    fn turned(&self, derivative: &DVector<f64>, other: &Whitened) -> DVector<f64> {
+    /// A derivative by this data → by the raw moments.
+    fn by_raw(&self, derivative: &DVector<f64>) -> DVector<f64> {
         let mut by_raw = derivative.clone();
         self.factor.tr_solve_lower_triangular_mut(&mut by_raw);
-        by_raw.component_div_assign(&self.models);
-        by_raw.component_mul_assign(&other.models);
-        other.factor.tr_mul(&by_raw)
+        by_raw.component_div(&self.models)
+    }
+
+    /// Variance of what has this derivative by the raw moments.
+    pub fn variance(&self, by_raw: &DVector<f64>) -> f64 {
+        let errors = by_raw.component_mul(&self.models);
+        self.factor.tr_mul(&errors).norm_squared()
     }
 }
 
@@ -136,18 +140,10 @@ pub fn average(none: &Peak, some: &Peak) -> Option<Answer> {
     let by_none = none.influence().column(1) * (1.0 - weight) + none.residual() * by_odds;
     let by_some =
         positive.hurst_influence * weight + (positive.share_influence - some.residual()) * by_odds;
-    let fits = [&none.whitened, &some.whitened];
-    Answer::new(state, variance(fits, [by_none, by_some], weight))
-}
-
-/// Variance of what has these derivatives by the data of either fit, of which the second has
-/// this weight.
-fn variance(fits: [&Whitened; 2], derivatives: [DVector<f64>; 2], weight: f64) -> f64 {
-    let [none, some] = fits;
-    let [by_none, by_some] = derivatives;
-    let if_none = some.turned(&by_some, none) + &by_none;
-    let if_some = none.turned(&by_none, some) + &by_some;
-    if_none.norm_squared() * (1.0 - weight) + if_some.norm_squared() * weight
+    let [none, some] = [&none.whitened, &some.whitened];
+    let by_raw = none.by_raw(&by_none) + some.by_raw(&by_some);
+    let variance = none.variance(&by_raw) * (1.0 - weight) + some.variance(&by_raw) * weight;
+    Answer::new(state, variance)
 }
 
 /// A peak that lies at a ν of so many standard deviations has no part where ν > 0.

@@ -157,33 +157,9 @@ impl Fit {
         if bins.len() < 3 {
             return Err(Reason::TooFewPairs);
         }
-        let least = bins
-            .iter()
-            .fold(f64::INFINITY, |least, bin| least.min(bin.raw));
-        let fits = |nu: f64, known: f64| {
-            let problem = Problem {
-                bins,
-                region,
-                known,
-            };
-            problem.solve(nu)
-        };
-        let scatter = libm::sqrt(2.0 / region.points as f64);
         let best = match noise {
-            Noise::Known(std) => {
-                fits(2.0 * std * std, 2.0 * std * std * scatter).and_then(|peak| peak.answer())
-            }
-            Noise::Fitted => {
-                let noisy = STARTS
-                    .iter()
-                    .filter_map(|share| fits(share * least, f64::INFINITY))
-                    .reduce(|a, b| if b.cost < a.cost { b } else { a });
-                let either = match (fits(0.0, 0.0), noisy) {
-                    (Some(none), Some(some)) => average(&none, &some),
-                    (none, some) => none.or(some).and_then(|peak| peak.answer()),
-                };
-                either.filter(|answer| answer.state.hurst > FLAT)
-            }
+            Noise::Known(std) => known_noise(bins, region, std),
+            Noise::Fitted => fitted_noise(bins, region),
         };
         let fit = |Answer {
                        state,
@@ -216,6 +192,50 @@ impl Fit {
         let sum: f64 = bins.iter().zip(&lags).map(variance).sum();
         0.5 * libm::sqrt(sum / bins.len() as f64)
     }
+}
+
+/// The moment of a known noise scatters around what is known.
+fn known_noise(bins: &[Observation], region: &Region, std: f64) -> Option<Answer> {
+    let nu = 2.0 * std * std;
+    let problem = Problem {
+        bins,
+        region,
+        known: nu * libm::sqrt(2.0 / region.points as f64),
+    };
+    problem.solve(nu)?.answer()
+}
+
+/// The average over what there is of no noise and some noise.
+fn fitted_noise(bins: &[Observation], region: &Region) -> Option<Answer> {
+    let answer = match (no_noise(bins, region), some_noise(bins, region)) {
+        (Some(none), Some(some)) => average(&none, &some),
+        (none, some) => none.or(some)?.answer(),
+    };
+    answer.filter(|answer| answer.state.hurst > FLAT)
+}
+
+fn no_noise(bins: &[Observation], region: &Region) -> Option<Peak> {
+    let problem = Problem {
+        bins,
+        region,
+        known: 0.0,
+    };
+    problem.solve(0.0)
+}
+
+/// The best of the searches from several noises.
+fn some_noise(bins: &[Observation], region: &Region) -> Option<Peak> {
+    let problem = Problem {
+        bins,
+        region,
+        known: f64::INFINITY,
+    };
+    let raw = bins.iter().map(|bin| bin.raw);
+    let least = raw.fold(f64::INFINITY, f64::min);
+    let found = STARTS
+        .iter()
+        .filter_map(|share| problem.solve(share * least));
+    found.reduce(|a, b| if b.cost < a.cost { b } else { a })
 }
 
 /// The error that neighbouring lags share, for one Hurst exponent.
@@ -457,8 +477,9 @@ impl Normal {
 
 #[cfg(all(test, feature = "std"))]
 mod tests {
+    use super::super::pairs;
     use super::*;
-    use rand_core::SeedableRng;
+    use rand_core::{Rng, SeedableRng};
     use rand_xoshiro::Xoshiro128PlusPlus;
 
     const REGION: Region = Region {
@@ -484,9 +505,9 @@ mod tests {
         (2..=30).map(bin).collect()
     }
 
-    /// Stated over true deviation of H where the data follows the model.
-    fn stated_over_true(state: &State, draws: usize) -> f64 {
-        let bins = bins(state);
+    /// Bins of the law with errors that follow the model.
+    fn drawn(state: &State, random: &mut Xoshiro128PlusPlus) -> Vec<Observation> {
+        let mut bins = bins(state);
         let problem = Problem {
             bins: &bins,
             region: &REGION,
@@ -494,18 +515,20 @@ mod tests {
         };
         let normal = problem.normal(state, &problem.shared(state), state.nu);
         let Whitened { factor, models, .. } = normal.unwrap().whitened;
+        let independent = DVector::from_fn(bins.len(), |_, _| {
+            f64::from(crate::synthesis::normal(random))
+        });
+        let errors = (&factor * independent).component_mul(&models);
+        for (bin, error) in bins.iter_mut().zip(&errors) {
+            bin.raw += error;
+        }
+        bins
+    }
+
+    /// Stated over true deviation of H where the data follows the model.
+    fn stated_over_true(state: &State, draws: usize) -> f64 {
         let mut random = Xoshiro128PlusPlus::seed_from_u64(1);
-        let mut draw = || {
-            let independent = DVector::from_fn(bins.len(), |_, _| {
-                f64::from(crate::synthesis::normal(&mut random))
-            });
-            let errors = (&factor * independent).component_mul(&models);
-            let mut drawn = bins.clone();
-            for (bin, error) in drawn.iter_mut().zip(&errors) {
-                bin.raw += error;
-            }
-            Fit::new(&drawn, &REGION, Noise::Fitted).unwrap()
-        };
+        let mut draw = || Fit::new(&drawn(state, &mut random), &REGION, Noise::Fitted).unwrap();
         let fits: Vec<Fit> = (0..draws).map(|_| draw()).collect();
         let mean = |value: &dyn Fn(&Fit) -> f64| fits.iter().map(value).sum::<f64>() / draws as f64;
         let hurst = mean(&|fit| fit.hurst);
@@ -526,6 +549,116 @@ mod tests {
                 let ratio = stated_over_true(&State { level, hurst, nu }, 400);
                 std::println!("H {hurst}, noise {share}: stated / true {ratio:.2}");
                 assert!((0.85..1.4).contains(&ratio), "{ratio:.2}");
+            }
+        }
+    }
+
+    /// "No noise" is one of the noises: the search for the best one must not end far above it. (It
+    /// ends where the derivative by the data vanishes, not that of the errors' covariance.)
+    #[test]
+    fn some_noise_fits_no_worse_than_none() {
+        let mut random = Xoshiro128PlusPlus::seed_from_u64(2);
+        for i in 0..300 {
+            let (hurst, level) = (0.1 + 0.1 * f64::from(i % 8), 0.0);
+            let nu = [0.0, 0.05, 0.3][i as usize % 3];
+            let bins = drawn(&State { level, hurst, nu }, &mut random);
+            let [none, some] = [no_noise, some_noise].map(|search| search(&bins, &REGION).unwrap());
+            let worse = some.cost - none.cost;
+            assert!(worse < 2.0, "H {hurst}, noise {nu}: {worse}");
+        }
+    }
+
+    /// What a moment changes in H, as the standard error takes it and by trying.
+    #[test]
+    fn the_standard_error_is_that_of_the_derivative_by_the_data() {
+        let mut random = Xoshiro128PlusPlus::seed_from_u64(3);
+        for (hurst, nu) in [(0.2, 0.0), (0.3, 0.1), (0.3, 0.6), (0.6, 0.2), (0.8, 1.0)] {
+            let bins = drawn(
+                &State {
+                    level: 0.0,
+                    hurst,
+                    nu,
+                },
+                &mut random,
+            );
+            let [none, some] = [no_noise, some_noise].map(|search| search(&bins, &REGION).unwrap());
+            let hurst_of = |i: usize, change: f64| {
+                let mut bins = bins.clone();
+                bins[i].raw += change;
+                fitted_noise(&bins, &REGION).unwrap().state.hurst
+            };
+            let by_raw = DVector::from_fn(bins.len(), |i, _| {
+                let change = 1e-5 * bins[i].raw;
+                (hurst_of(i, change) - hurst_of(i, -change)) / (2.0 * change)
+            });
+            let tried = [&none, &some].map(|peak| libm::sqrt(peak.whitened.variance(&by_raw)));
+            let stated = fitted_noise(&bins, &REGION).unwrap().standard_error;
+            let [low, high] = [tried[0].min(tried[1]), tried[0].max(tried[1])];
+            std::println!("H {hurst}, noise {nu}: {stated:.4}, tried {low:.4} to {high:.4}");
+            assert!((0.9 * low..1.1 * high).contains(&stated), "{hurst} {nu}");
+        }
+    }
+
+    /// Moments of the points (an eighth of a surface) under one noise after another.
+    fn under_noises(hurst: f64, std: f64, draws: usize) -> (usize, Vec<DVector<f64>>) {
+        let bins = pairs::Bins {
+            low: 1.5,
+            width: 1.0,
+            count: 16,
+        };
+        let mut random = Xoshiro128PlusPlus::seed_from_u64(4);
+        let [ground, _] = crate::synthesis::exact_fbm_pair(256, hurst, 7);
+        let nodes: Vec<usize> = (0..256 * 256)
+            .filter(|_| random.next_u32() % 8 == 0)
+            .collect();
+        let mut moments = || {
+            let mut point = |&i: &usize| {
+                let noise = std * f64::from(crate::synthesis::normal(&mut random));
+                [
+                    (i % 256) as f64,
+                    (i / 256) as f64,
+                    f64::from(ground[i]) + noise,
+                ]
+            };
+            let points: Vec<[f64; 3]> = nodes.iter().map(&mut point).collect();
+            let sums = pairs::sums(&points, &bins);
+            DVector::from_fn(bins.count, |i, _| sums[i].square / sums[i].pairs)
+        };
+        (nodes.len(), (0..draws).map(|_| moments()).collect())
+    }
+
+    /// The covariance of moments where the noise is so small that only its products with the
+    /// ground count.
+    #[test]
+    fn noise_and_ground_meet_in_all_pairs_of_a_point() {
+        const DRAWS: usize = 200;
+        for hurst in [0.2, 0.5, 0.8] {
+            let std = 0.05;
+            let (points, moments) = under_noises(hurst, std, DRAWS);
+            let mean = moments.iter().sum::<DVector<f64>>() / DRAWS as f64;
+            let state = State {
+                level: 0.0,
+                hurst,
+                nu: 2.0 * std * std,
+            };
+            let region = Region {
+                side: 256.0,
+                points,
+            };
+            let problem = Problem {
+                bins: &[],
+                region: &region,
+                known: f64::INFINITY,
+            };
+            let crossed = problem.crossed(&state);
+            for (short, long) in [(3, 6), (4, 9), (5, 15), (8, 14), (12, 13)] {
+                let products = moments
+                    .iter()
+                    .map(|m| (m[short] - mean[short]) * (m[long] - mean[long]));
+                let covariance = products.sum::<f64>() / (DRAWS - 1) as f64;
+                let ratio = covariance / (crossed * (mean[short] - state.nu));
+                std::println!("H {hurst}, lags {short} and {long}: {ratio:.2}");
+                assert!((0.6..1.5).contains(&ratio), "{ratio:.2}");
             }
         }
     }
