@@ -365,12 +365,14 @@ mod tests {
         }
     }
 
-    /// One patch serves all tiles: nothing of a tile may be left in it for the next one. A cell
-    /// that was seen through is a hole.
+    /// One patch serves all tiles: nothing of a tile may be left in it for the next one. What was
+    /// measured has a cost, also where the ring's seam crosses a tile; a cell that was seen through
+    /// is a hole.
     #[test]
     fn tiles_one_after_another_equal_each_alone() {
         const SIDE: usize = 65;
-        let window = Window::around(SIDE, Cell::new(3, -5));
+        // seams at columns 64 and 65 and at rows −66 and −65
+        let window = Window::around(SIDE, Cell::new(70, -75));
         let (mut cells, mut samples) = (
             [GroundCell::EMPTY; SIDE * SIDE],
             [Sample::UNKNOWN; SIDE * SIDE],
@@ -384,7 +386,7 @@ mod tests {
         };
         for (i, cell) in (0..).zip(window.cells()).filter(|(i, _)| hash(*i) % 3 == 0) {
             let (x, y) = grid.lattice().centre(cell);
-            let z = 0.3 * x - 0.1 * y - 2.0 + 0.15 * (hash(i + 7) >> 16) as f32 / 65_536.0;
+            let z = 0.3 * x - 0.1 * y - 10.0 + 0.15 * (hash(i + 7) >> 16) as f32 / 65_536.0;
             let point = Point {
                 position: [x, y, z],
                 variance: 1e-4,
@@ -392,7 +394,7 @@ mod tests {
             };
             grid.fuse(&point, 1);
         }
-        let hole = Cell::new(4, 4);
+        let hole = Cell::new(64, -66);
         let seen_through = SavedCell {
             state: State::SeenThrough,
             ..SavedCell::default()
@@ -424,7 +426,12 @@ mod tests {
                     .judging(&grid, &limits, &mut patch)
                     .judge(tile, roughness, &around);
             }
-            assert_eq!(costs.get(&window, hole), CellCost::HOLE);
+            for cell in window.cells() {
+                let cost = Costs { plane: &mut plane }.get(&window, cell);
+                let is_known = grid.ground(cell).is_some() || cell == hole;
+                assert_eq!(cost.cost().is_some(), is_known, "{cell:?}");
+                assert_eq!(cost == CellCost::HOLE, cell == hole);
+            }
             plane
         };
         let alone = judge_all(true);
