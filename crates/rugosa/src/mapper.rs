@@ -746,7 +746,7 @@ impl Surface<'_> {
         let fused = self.grid.fuse(point, sweep);
         if let Fused::Sampled { cell, old } | Fused::Restarted { cell, old } = &fused {
             let (window, samples) = (self.grid.window(), self.grid.samples());
-            self.structure.replaced(window, samples, *cell, old);
+            self.structure.sampled(window, samples, *cell, old);
         }
         fused
     }
@@ -755,7 +755,7 @@ impl Surface<'_> {
         let structure = &mut self.structure;
         self.grid
             .fuse_points(points, view, |window, samples, cell, old| {
-                structure.replaced(window, samples, cell, old);
+                structure.sampled(window, samples, cell, old);
             })
     }
 

@@ -102,11 +102,16 @@ impl Bench<'_> {
             return;
         };
         let old = core::mem::replace(&mut self.samples[slot], sample);
-        self.structure
-            .replaced(&self.window, &self.samples, cell, &old);
-        self.map.remove(&cell);
-        if sample.is_measured() {
-            self.map.insert(cell, sample);
+        let (structure, samples) = (&mut self.structure, &self.samples);
+        match sample.is_measured() {
+            true => {
+                structure.sampled(&self.window, samples, cell, &old);
+                self.map.insert(cell, sample);
+            }
+            false => {
+                structure.replaced(&self.window, samples, cell, &old);
+                self.map.remove(&cell);
+            }
         }
     }
 

@@ -4,7 +4,8 @@
 //! counted samples are kept, whatever happens to the map. A sweep is one transaction:
 //!
 //! 1. Whenever the sample of a cell was replaced, made or cleared, whatever it was
-//!    before, the caller says so with [`StructureFunction::replaced`]; the old sample's
+//!    before, the caller says so with [`StructureFunction::replaced`] (or, of a new return, with
+//!    [`StructureFunction::sampled`]); the old sample's
 //!    pairs are taken out. The new sample is in the plane but not yet counted.
 //! 2. At the end of the sweep [`StructureFunction::commit`] adds the pairs of all new
 //!    samples, once, however often a cell changed in between.
@@ -117,12 +118,34 @@ impl<'m> StructureFunction<'m> {
     /// The sample of `cell` was `old` and is now what `samples` says; to be called after
     /// every change of a sample, whatever the old one was. `window` holds the cell.
     pub fn replaced(&mut self, window: &Window, samples: &[Sample], cell: Cell, old: &Sample) {
+        let slot = window.slot(cell);
+        let is_measured = slot.is_some_and(|slot| samples[slot].is_measured());
+        self.note(window, samples, cell, old, is_measured);
+    }
+
+    /// The same where the new sample is a return.
+    #[inline]
+    pub fn sampled(&mut self, window: &Window, samples: &[Sample], cell: Cell, old: &Sample) {
+        // a return that is not counted yet has been noted
+        if !old.is_measured() || old.is_counted() {
+            self.note(window, samples, cell, old, true);
+        }
+    }
+
+    fn note(
+        &mut self,
+        window: &Window,
+        samples: &[Sample],
+        cell: Cell,
+        old: &Sample,
+        is_measured: bool,
+    ) {
         let tiles = Tiles::of(window);
         let Some(own) = tiles.slot(Tile::of(cell)) else {
             return;
         };
         let own = &mut self.tiles[own];
-        own.set_measured(Tile::place_of(cell), is_measured(window, samples, cell));
+        own.set_measured(Tile::place_of(cell), is_measured);
         let pending = old.is_measured() && !old.is_counted();
         own.changes = own.changes.saturating_add(u16::from(!pending));
         if old.is_counted() {
@@ -282,11 +305,6 @@ impl<'m> StructureFunction<'m> {
             });
         }
     }
-}
-
-fn is_measured(window: &Window, samples: &[Sample], cell: Cell) -> bool {
-    let slot = window.slot(cell);
-    slot.is_some_and(|slot| samples[slot].is_measured())
 }
 
 /// Tiles to the west and east, and to the south, that offsets reach.
