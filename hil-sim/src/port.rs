@@ -221,8 +221,13 @@ impl Place {
         if name.is_symlink() && !name.exists() {
             fs::remove_file(name).with_context(|| format!("cannot replace {}", name.display()))?;
         }
-        std::os::unix::fs::symlink(device, name)
-            .with_context(|| format!("cannot make the port {}", name.display()))
+        std::os::unix::fs::symlink(device, name).with_context(|| match name.is_symlink() {
+            true => format!(
+                "cannot make the port {0}: remove {0} if no other program uses it",
+                name.display()
+            ),
+            false => format!("cannot make the port {}", name.display()),
+        })
     }
 
     fn unlink(&self) {
@@ -527,7 +532,14 @@ mod tests {
             .write_all(b"x")
             .unwrap();
         assert_eq!(receive(&mut cable.connect(End::B, WAIT).unwrap(), 1), b"x");
-        assert!(Cable::with(settings).is_err(), "a name that is taken");
+        let taken = format!(
+            "{:#}",
+            Cable::with(settings).err().expect("a name that is taken")
+        );
+        assert!(
+            taken.contains("remove") && taken.contains("scanner"),
+            "{taken}"
+        );
         drop(cable);
         assert!(names.iter().all(|name| !name.is_symlink()));
     }

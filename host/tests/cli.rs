@@ -268,6 +268,18 @@ fn halves_are_merged_and_cut_again() {
         fs::read(out).unwrap()
     };
     assert!(merge(&west, &east, "a.rugosa") == merge(&east, &west, "b.rugosa"));
+    let told = json(&["info", &path("a.rugosa"), "--json"]);
+    assert_eq!(
+        (&told["kind"], &told["rows"], &told["columns"]),
+        (&"map".into(), &50.into(), &60.into())
+    );
+    assert_eq!(
+        (&told["measured"], &told["merged"]),
+        (&3000.into(), &true.into())
+    );
+    assert_eq!(json(&["info", &west, "--json"])["merged"], false);
+    let top = told["max_m"].as_f64().unwrap();
+    assert!((0.95..1.0).contains(&top), "{top}");
     let report = json(&[
         "map",
         &west,

@@ -4,21 +4,24 @@ use crate::console::Console;
 use crate::error::Result;
 use crate::io::{self, Dataset, Points, Raster, Spacing};
 use crate::recording::{Recording, Summary};
+use crate::saved::SavedMap;
+use rugosa_grid::State;
 use serde::Serialize;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// Say what a file of points, a raster, a bag or a recording holds.
+/// Say what a file of points, a raster, a bag, a recording or a saved map holds.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
   rugosa info scan.ply
   rugosa info sweeps.mcap
   rugosa info rosbag2_0.mcap
+  rugosa info out/demo/map.rugosa
   rugosa info dem.npy --spacing 0.1 --json")]
 pub struct Args {
     /// Points (.csv .xyz .ply .las .npy N×3 …), a raster (.asc .tif, .npy 2-D with --spacing),
-    /// a recording or a bag of point clouds (.mcap)
+    /// a recording or a bag of point clouds (.mcap), a saved map (.rugosa)
     file: PathBuf,
 
     /// Distance between the nodes of a 2-D .npy, DX or DX,DY [m]
@@ -46,6 +49,19 @@ enum Report {
         min_m: Option<f32>,
         max_m: Option<f32>,
     },
+    Map {
+        rows: usize,
+        columns: usize,
+        resolution_m: f32,
+        corner_m: [f64; 2],
+        measured: usize,
+        seen_through: usize,
+        /// of the measured cells
+        min_m: Option<f64>,
+        max_m: Option<f64>,
+        sweep: u32,
+        merged: bool,
+    },
 }
 
 /// Reads the file and describes it.
@@ -55,6 +71,10 @@ pub fn run(args: &Args, console: &Console) -> Result<()> {
         let summary = Summary::of(&args.file, |n| progress.set(n, || format!("{n} messages")))?;
         drop(progress);
         let report = Report::Recording(summary);
+        return console.result(&report, &report);
+    }
+    if io::extension(&args.file) == "rugosa" {
+        let report = Report::map(&SavedMap::read(&args.file)?);
         return console.result(&report, &report);
     }
     let report = match io::read(&args.file, args.spacing)? {
@@ -103,6 +123,24 @@ impl Report {
             max_m: range.map(|r| r.1),
         }
     }
+
+    fn map(map: &SavedMap) -> Self {
+        let in_state = |state| map.cells.iter().filter(move |cell| cell.state == state);
+        let datum = map.rise as f64 * f64::from(map.height_step);
+        let heights = || in_state(State::Measured).map(|cell| f64::from(cell.elevation) + datum);
+        Report::Map {
+            rows: map.rows,
+            columns: map.columns,
+            resolution_m: map.resolution,
+            corner_m: map.corner(),
+            measured: map.measured(),
+            seen_through: in_state(State::SeenThrough).count(),
+            min_m: heights().reduce(f64::min),
+            max_m: heights().reduce(f64::max),
+            sweep: map.sweep,
+            merged: map.evidence.is_some(),
+        }
+    }
 }
 
 impl fmt::Display for Report {
@@ -145,6 +183,30 @@ impl fmt::Display for Report {
                     (Some(low), Some(high)) => write!(f, ", {low:.3} … {high:.3} m"),
                     _ => Ok(()),
                 }
+            }
+            Report::Map {
+                rows,
+                columns,
+                resolution_m,
+                corner_m: [x, y],
+                measured,
+                seen_through,
+                min_m,
+                max_m,
+                sweep,
+                merged,
+            } => {
+                let merged = if *merged { ", merged" } else { "" };
+                writeln!(
+                    f,
+                    "map        {rows} rows × {columns} columns of {resolution_m} m, after sweep {sweep}{merged}"
+                )?;
+                writeln!(f, "corner     {x:.3}, {y:.3} m (south-west)")?;
+                write!(f, "measured   {measured} of {} cells", rows * columns)?;
+                if let (Some(low), Some(high)) = (min_m, max_m) {
+                    write!(f, ", {low:.3} … {high:.3} m")?;
+                }
+                write!(f, "\nholes      {seen_through} cells seen through")
             }
         }
     }

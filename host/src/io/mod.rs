@@ -256,7 +256,7 @@ fn starts_as_perceptron(path: &Path) -> bool {
 fn unknown_extension(extension: &str) -> String {
     let known = "known are .csv .xyz .txt .ply .pcd .las .laz .mcap .npy .npz .asc .tif .perc";
     if extension == "rugosa" {
-        "a saved map: for `rugosa map`, `rugosa merge` and --resume only".into()
+        "a saved map: for `rugosa map`, `rugosa merge`, `rugosa info` and --resume only".into()
     } else if extension.is_empty() {
         format!("a file name without an extension; {known}")
     } else {
