@@ -248,35 +248,42 @@ impl fmt::Display for Summary {
             )?;
         }
         let l = &self.lines;
+        let is_of_a_link = l.sent + l.received + l.lost + l.rejected > 0;
         writeln!(f, "sweeps     {}", self.sweeps)?;
-        writeln!(
-            f,
-            "lines      {} sent, {} received, {} lost, {} rejected",
-            l.sent, l.received, l.lost, l.rejected
-        )?;
+        if is_of_a_link {
+            writeln!(
+                f,
+                "lines      {} sent, {} received, {} lost, {} rejected",
+                l.sent, l.received, l.lost, l.rejected
+            )?;
+        }
         let others: Vec<String> = self
             .returns
             .by_cause
             .iter()
             .filter(|c| *c.1 > 0)
-            .map(|(name, n)| format!("{n} {}", name.replace('_', " ")))
+            .map(|(name, n)| format!(", {n} {}", name.replace('_', " ")))
             .collect();
         writeln!(
             f,
-            "returns    {} used; {}",
+            "returns    {} used{}",
             self.returns.used,
-            others.join(", ")
+            others.concat()
         )?;
         writeln!(
             f,
             "cells      {} of {} measured",
             self.cells.measured, self.cells.total
         )?;
-        let latency = &self.latency_ms.sweep;
-        write!(
-            f,
-            "time       {:.2} s; a sweep's map is ready {:.1} ms after its end (at most {:.1})",
-            self.seconds, latency.mean, latency.max
-        )
+        write!(f, "time       {:.2} s", self.seconds)?;
+        if is_of_a_link {
+            let latency = &self.latency_ms.sweep;
+            write!(
+                f,
+                "; a sweep's map is ready {:.1} ms after its end (at most {:.1})",
+                latency.mean, latency.max
+            )?;
+        }
+        Ok(())
     }
 }

@@ -1,7 +1,10 @@
 "use strict";
 // Draws the data of a map (see data.rs) and, on a live page, what the server sends.
 const $ = id => document.getElementById(id);
-const CONFIG = { responsive: true, displaylogo: false };
+const CONFIG = { modeBarButtonsToRemove: ["zoomIn2d", "zoomOut2d", "autoScale2d", "select2d", "lasso2d"], responsive: true, displaylogo: false };
+// 1, 2 and 5 of every decade, in full
+const LENGTHS = [-5, -4, -3, -2, -1, 0, 1, 2, 3, 4].flatMap(decade => [1, 2, 5].map(n => Number(n + "e" + decade)));
+const TICKS = { tickmode: "array", tickvals: LENGTHS, ticktext: LENGTHS.map(String) };
 const INK = { family: "system-ui, sans-serif", color: "#1c2430" };
 const MEASURED = "#0072b2", CORRECTED = "#d55e00", REGION = "#009e73";
 let data = null, place = null, colour = null;
@@ -113,8 +116,8 @@ function drawLogLog() {
   const why = r && !r.law ? `region: no power law (${r.reason})` : "";
   Plotly.react("loglog", traces, layout({
     plot_bgcolor: "#fff", legend: { orientation: "h", y: -0.18 }, title: { text: why, font: { size: 14 } },
-    xaxis: { type: "log", dtick: "D2", title: { text: "distance d [m]" }, gridcolor: "#e6eaef" },
-    yaxis: { type: "log", dtick: "D2", title: { text: "rms elevation difference S(d) [m]" }, gridcolor: "#e6eaef" },
+    xaxis: { type: "log", ...TICKS, title: { text: "distance d [m]" }, gridcolor: "#e6eaef" },
+    yaxis: { type: "log", ...TICKS, title: { text: "rms elevation difference S(d) [m]" }, gridcolor: "#e6eaef" },
   }), CONFIG);
 }
 
