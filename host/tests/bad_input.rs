@@ -198,7 +198,13 @@ fn files_of_every_kind_that_are_empty_or_something_else() {
 fn saved_maps_that_are_none() {
     let csv = ("a.csv", &b"0,0,0\n1,1,1\n"[..]);
     let map = ("a.rugosa", &b"PK\x03\x04 and then nothing"[..]);
-    refused(&[map], &["map", "a.rugosa", "--out", "m"], "a.rugosa");
+    for arguments in [
+        &["map", "a.rugosa", "--out", "m"][..],
+        &["info", "a.rugosa"],
+    ] {
+        refused(&[map], arguments, "a.rugosa: cut short");
+    }
+    refused(&[], &["info", "a.rugosa"], "a.rugosa: No such file");
     refused(
         &[map],
         &["merge", "a.rugosa", "--out", "b.rugosa"],

@@ -9,6 +9,7 @@
 //! `libm`'s do their arithmetic in double precision, which on a Cortex-M4F is software,
 //! 7 kB of it. Exponential and natural logarithm, because `libm`'s branch for each
 //! number: without branches the compiler takes those of several lags at once, in vectors.
+//! (Those of the crate `wide` fuse products and sums where a processor can, which changes bits.)
 //!
 //! Accuracy: `libm`'s functions are within 1 unit in the last place, the square root is
 //! correctly rounded; sine and cosine err by less than 1e-7, tangent and inverse sine by

@@ -8,6 +8,7 @@ use crate::error::{Failure, Result};
 use std::fs::File;
 use std::io::{self, BufReader, Cursor, Read, Write};
 use std::path::{Path, PathBuf};
+use zip::result::ZipError;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
@@ -26,8 +27,14 @@ impl Archive {
     /// Opens the archive and looks at the name and size of every member.
     pub fn open(path: &Path) -> Result<Self> {
         let (file, _) = open(path)?;
-        let failed = |e: zip::result::ZipError| Failure::file(path, e);
-        let mut zip = ZipArchive::new(file).map_err(failed)?;
+        let failed = |e: ZipError| Failure::file(path, e);
+        let mut zip = ZipArchive::new(file).map_err(|e| match e {
+            ZipError::InvalidArchive(_) => Failure::file(
+                path,
+                format_args!("cut short, or no archive of arrays ({e})"),
+            ),
+            e => failed(e),
+        })?;
         if zip.len() > MOST_MEMBERS {
             let message = format_args!("{} members; {MOST_MEMBERS} are possible", zip.len());
             return Err(Failure::file(path, message));
@@ -69,7 +76,7 @@ impl Archive {
     pub fn bytes(&mut self, name: &str) -> Result<Option<Vec<u8>>> {
         let failed = |e: String| Failure::file(&self.path, format_args!("member '{name}': {e}"));
         let member = match self.zip.by_name(name) {
-            Err(zip::result::ZipError::FileNotFound) => return Ok(None),
+            Err(ZipError::FileNotFound) => return Ok(None),
             member => member.map_err(|e| failed(e.to_string()))?,
         };
         let mut bytes = Vec::new();

@@ -24,7 +24,8 @@ const SPAN: usize = (TILE + 2 * REACH) as usize;
 const TILES: i32 = SPAN as i32 / TILE;
 const OWN: i32 = REACH / TILE;
 
-/// No lag has more offsets.
+/// No lag has more offsets (test `each_offset_lies_in_the_half_annulus_of_one_lag`: 24 at most).
+/// All ones, to mask with.
 const LAST: usize = 31;
 
 /// No slot.
