@@ -211,7 +211,9 @@ impl Pool {
 /// let mut pools = Pools::new(&sums, &tiles);
 /// let [east, north_east] = [(0, 2), (1, 3)].map(|(x, y)| Tile::new(x, y));
 /// for tile in tiles.tiles().filter(|tile| tile.x != 0).chain([east, north_east]) {
-///     assert_eq!(pools.around(tile), Pool::around(&sums, &tiles, tile));
+///     let mut pool = Pool::new();
+///     tiles.around(tile).iter().filter_map(|&slot| sums.get(slot)).for_each(|near| pool.add(near));
+///     assert_eq!(pools.around(tile), pool);
 /// }
 /// ```
 pub struct Pools<'a> {
